@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.folder.listing import named
+from usdfoliage.capture.mask_place import describe_moves, measure_move
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.picture_agreement import find_vegetation
@@ -43,7 +44,8 @@ def refuse_inverted_masks(views: Sequence[View]) -> None:
 def check_views(views: Sequence[View]) -> tuple[Remark, ...]:
     """Remarks on views with depth, where they have any."""
     green = [_green_in_mask(view) for view in views]
-    return (*_check_masks(views, green), *_check_depth(views, green), *_check_border(green))
+    moves = [measure_move(view.srgb, view.mask) for view in views if view.mask is not None]
+    return (*describe_moves(moves), *_check_masks(views, green), *_check_depth(views, green), *_check_border(green))
 
 
 def share_outside_masks(views: Sequence[View], green: Sequence[NDArray[np.bool_]]) -> NDArray[np.float64]:

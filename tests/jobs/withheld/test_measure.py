@@ -139,6 +139,32 @@ def test_a_mask_goes_before_colours(written, tmp_path):
     assert made.views[1].agreement.precision == pytest.approx(0.5, abs=0.02)  # the leaf is upright in the middle
 
 
+def test_a_plant_on_a_lawn_is_drawn_but_not_measured_without_a_mask(written, tmp_path):
+    asset, capture = written
+    for number in (0, 1):
+        photo = cv2.imread(str(capture / "images" / f"{number}.png"))
+        photo[80:][photo[80:, :, 0] == 140] = (60, 140, 70)  # a lawn up to the horizon: half of the border
+        cv2.imwrite(str(capture / "images" / f"{number}.png"), photo)
+    (capture / "masks").mkdir()
+    mask = np.zeros((160, 200), np.uint8)
+    mask[40:120, 80:120] = 255
+    cv2.imwrite(str(capture / "masks" / "1.png"), mask)
+    made = measure_by_withheld(asset, read_capture(capture), tmp_path, 3)
+    assert [view.mask for view in made.views] == ["unknown", "given", "vegetation"]
+    assert made.views[0].agreement is None
+    assert [(each.code, each.subject) for each in made.remarks] == [("withheld-surroundings-green", "0.png")]
+    stored = json.loads((tmp_path / "withheld.json").read_text())
+    assert stored["views"][0] == {"name": "0.png", "mask": "unknown"}
+    assert stored["mean"]["iou"] == pytest.approx(np.mean([view["iou"] for view in stored["views"][1:]]))
+    assert [row.value for row in list_figures(stored)][1] == "not measured"
+    assert "IoU" not in made.pictures()[0].caption
+    # Of lawns alone there is no mean.
+    alone = replace(read_capture(capture), views=read_capture(capture).views[:1])
+    bare = measure_by_withheld(asset, alone, tmp_path, 3)
+    assert bare.as_json()["mean"] is None
+    assert [row.name for row in bare.rows()] == ["0.png"]
+
+
 def test_the_unit_of_the_capture_is_followed(tmp_path):
     leaves = two_leaves().take([0])
     asset = write_spray(tmp_path / "spray", leaves)

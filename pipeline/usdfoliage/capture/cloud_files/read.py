@@ -299,8 +299,10 @@ def _check_points(path: Path, points: NDArray[np.float64], total: int, left_out:
     if not local.any():
         raise CaptureError(f"all {total:,} points of {path} are in one place", "export it again")
     if len(points) < MIN_POINTS:
+        repeated = total - sum(left_out.values()) >= MIN_POINTS
         raise CaptureError(
-            f"{path} has {len(points)} usable points in different places, {MIN_POINTS} are needed", "give a scan"
+            f"{path} has {len(points)} usable points in different places, {MIN_POINTS} are needed",
+            "export it again with all digits of its coordinates" if repeated else "give a scan",
         )
     local = local - local.mean(axis=0)
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(local.T @ local / len(local)), 0))

@@ -38,7 +38,8 @@ logger = logging.getLogger(__name__)
 
 FIGURES = "withheld.json"  # the figures, beside the pictures
 SCALE = 0.5  # of the photographs, in which they are compared: depth and leaves are hardly finer
-GIVEN, VEGETATION = "given", "vegetation"  # where the plant's pixels come from
+GIVEN, VEGETATION, UNKNOWN = "given", "vegetation", "unknown"  # where the plant's pixels come from
+MAX_GREEN_BORDER = 0.25  # of a border's pixels: of plants before other things up to 0.07, before lawns from 0.5 on
 _PLACES_PX = ((0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5))  # of a pixel, from its centre
 _BROWN = (110, 70, 40)  # of branches
 _OUTLINE = (255, 255, 255)
@@ -51,8 +52,8 @@ class MeasuredView:
     """One photograph that an asset was not made of."""
 
     name: str
-    mask: str  # GIVEN, by a mask of the capture, or VEGETATION, by the colour of its pixels
-    agreement: PictureAgreement
+    mask: str  # GIVEN, by a mask of the capture, VEGETATION, by the colour of its pixels, or UNKNOWN
+    agreement: PictureAgreement | None  # None where the plant's pixels are unknown
     picture: str  # file in the report's folder: the photograph, and the asset over it
 
 
@@ -67,40 +68,69 @@ class MeasuredAsset:
     remarks: tuple[Remark, ...]
 
     def as_json(self) -> dict[str, object]:
-        """The figures as values: their mean, and those of each photograph."""
+        """The figures as values: their mean, and those of each photograph whose pixels of the plant are known."""
+        known = [view.agreement for view in self.views if view.agreement is not None]
         return {
             "hold_back": self.every,
             "leaves": self.leaves,
             "branches": self.has_branches,
-            "mean": asdict(mean_agreement([view.agreement for view in self.views])) if self.views else None,
-            "views": [{"name": view.name, "mask": view.mask, **asdict(view.agreement)} for view in self.views],
+            "mean": asdict(mean_agreement(known)) if known else None,
+            "views": [
+                {"name": view.name, "mask": view.mask, **({} if view.agreement is None else asdict(view.agreement))}
+                for view in self.views
+            ],
         }
 
     def rows(self) -> list[Row]:
         return list_figures(self.as_json())
 
     def pictures(self) -> list[ReportPicture]:
-        whose = {GIVEN: "its given mask", VEGETATION: "what is green in it"}
-        return [
-            ReportPicture(
-                file=view.picture,
-                caption=f"{view.name}, of which nothing was made, and the asset over it: leaves in colours, branches "
-                f"brown, outlines white; red is the edge of {whose[view.mask]}. {_figures(asdict(view.agreement))}",
-            )
-            for view in self.views
-        ]
+        return [ReportPicture(file=view.picture, caption=_caption(view)) for view in self.views]
 
 
 def list_figures(figures: Mapping[str, object]) -> list[Row]:
     """What MeasuredAsset.as_json gives, as lines of a table: the mean of each figure, then every photograph."""
     views, mean = figures["views"], figures["mean"]
-    if not isinstance(views, list) or not isinstance(mean, dict):
+    if not isinstance(views, list):
         return []
-    what = f"mean of {len(views)} withheld photographs" if len(views) > 1 else "of one withheld photograph"
-    rows = [Row(name="withheld photographs", value=_figures(mean), remark=what)]
+    rows = []
+    if isinstance(mean, dict):
+        count = sum(view["mask"] != UNKNOWN for view in views)
+        what = f"mean of {count} withheld photographs" if count > 1 else "of one withheld photograph"
+        rows.append(Row(name="withheld photographs", value=_figures(mean), remark=what))
     masks = {GIVEN: "by its mask", VEGETATION: "by its green"}
-    rows += [Row(name=view["name"], value=_figures(view), remark=masks[view["mask"]]) for view in views]
+    for view in views:
+        if view["mask"] == UNKNOWN:
+            rows.append(
+                Row(name=view["name"], value="not measured", remark="which of its pixels show the plant is unknown")
+            )
+        else:
+            rows.append(Row(name=view["name"], value=_figures(view), remark=masks[view["mask"]]))
     return rows
+
+
+def find_plant_pixels(view: View) -> NDArray[np.bool_] | None:
+    """(H, W) where a photograph shows the plant: its mask, or what is green; None where its surroundings are green too.
+
+    The mask that isolation could draw of such a photograph from the plant's cloud is none to measure by: of a tree on a
+    lawn it had an IoU of 0.49 to 0.54 with the true one.
+    """
+    if view.mask is not None:
+        return view.mask
+    green = find_vegetation(view.srgb)
+    border = np.concatenate([green[0], green[-1], green[1:-1, 0], green[1:-1, -1]])
+    return None if border.mean() > MAX_GREEN_BORDER else green
+
+
+def _caption(view: MeasuredView) -> str:
+    text = (
+        f"{view.name}, of which nothing was made, and the asset over it: leaves in colours, branches brown, outlines "
+        "white"
+    )
+    if view.agreement is None:
+        return f"{text}. Its surroundings are green too: it is not measured."
+    whose = {GIVEN: "its given mask", VEGETATION: "what is green in it"}[view.mask]
+    return f"{text}; red is the edge of {whose}. {_figures(asdict(view.agreement))}"
 
 
 def _figures(values: Mapping[str, float]) -> str:
@@ -123,8 +153,9 @@ def measure_by_withheld(
     """Lay an asset over photographs, and write withheld_NNN.jpg of each and withheld.json into an existing folder.
 
     Leaves that were found or completed are drawn from their 21 parameters, branches as their surface refined once. The
-    plant's pixels are those of the photograph's mask, where the capture has one, else those that are green. All is
-    compared at half the photograph's size, without lens distortion.
+    plant's pixels are those of the photograph's mask, where the capture has one, else those that are green; where its
+    surroundings are green too, the photograph is drawn over and not measured. All is compared at half the photograph's
+    size, without lens distortion.
 
     Args:
         asset: The asset's folder, or its interface layer.
@@ -155,13 +186,14 @@ def measure_by_withheld(
             continue
         small = _halved(view)
         ids = draw_asset(leaves, quads_m, _seen_from_asset(small.camera, asset_from_world), threads=threads)
-        mask = small.mask if small.mask is not None else find_vegetation(small.srgb)
+        mask = find_plant_pixels(small)
         file = write_picture(folder / f"withheld_{number:03}.jpg", draw_over(small.srgb, ids, mask))
+        kind = UNKNOWN if mask is None else VEGETATION if small.mask is None else GIVEN
         views.append(
             MeasuredView(
                 name=chosen.name,
-                mask=VEGETATION if small.mask is None else GIVEN,
-                agreement=measure_agreement(ids, small.srgb, mask),
+                mask=kind,
+                agreement=None if mask is None else measure_agreement(ids, small.srgb, mask),
                 picture=file,
             )
         )
@@ -174,7 +206,7 @@ def measure_by_withheld(
         views=tuple(views),
         leaves=0 if leaves is None else len(leaves),
         has_branches=surface is not None,
-        remarks=_remarks(lost, unread),
+        remarks=(*_remarks(lost, unread), *_describe_unknown(views)),
     )
     (folder / FIGURES).write_text(json.dumps(made.as_json(), indent=1) + "\n", encoding="utf-8")
     return made
@@ -227,15 +259,16 @@ def refine_once(surface: SurfaceMesh) -> NDArray[np.float64]:
     return np.ascontiguousarray(corners[:, (0, 1, 3, 2)].reshape(-1, 2, 2, 3))
 
 
-def draw_over(srgb: NDArray[np.uint8], ids: NDArray[np.int32], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """(H, 2 W, 3): the photograph (H, W, 3), and beside it with a drawing (H, W) over it and the edge of a mask."""
+def draw_over(srgb: NDArray[np.uint8], ids: NDArray[np.int32], mask: NDArray[np.bool_] | None) -> NDArray[np.uint8]:
+    """(H, 2 W, 3): the photograph (H, W, 3), and beside it with a drawing (H, W) over it, and a mask's edge, if any."""
     colors = np.concatenate([[_BROWN], leaf_palette(max(int(ids.max(initial=0)), 0))]).astype(np.float64)
     over = srgb.copy()
     drawn = ids != NOTHING
     over[drawn] = np.rint((1 - _FILL) * srgb[drawn] + _FILL * colors[ids[drawn]]).astype(np.uint8)
     over[find_outlines(ids)] = _OUTLINE
-    lines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-    cv2.drawContours(over, lines, -1, _MASK_EDGE, 1)
+    if mask is not None:
+        lines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+        cv2.drawContours(over, lines, -1, _MASK_EDGE, 1)
     return np.hstack([srgb, over])
 
 
@@ -277,3 +310,14 @@ def _remarks(lost: Sequence[str], unread: Sequence[tuple[str, CaptureError]]) ->
         remark("withheld-not-compared", f"{names}: withheld, but not compared: {reason}", subject=names)
         for names, reason in reasons
     )
+
+
+def _describe_unknown(views: Sequence[MeasuredView]) -> tuple[Remark, ...]:
+    names = [view.name for view in views if view.mask == UNKNOWN]
+    if not names:
+        return ()
+    text = (
+        f"{len(names)} of {len(views)} withheld photographs have no mask, and more than {MAX_GREEN_BORDER:.0%} of "
+        "their border is green: which of what is green is the plant is not known, and they give no figures"
+    )
+    return (remark("withheld-surroundings-green", text, subject=named(names)),)

@@ -22,6 +22,7 @@ from usdfoliage.leaf.segmentation.dense.pool import (
 )
 from usdfoliage.leaf.segmentation.dense.scene import expect_length, measure_scene
 from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSettings
+from usdfoliage.leaf.shape.measures import leaf_width
 
 from tests.support.leaves.captures import known_foliage
 from tests.support.leaves.proposals import evidence_of, flat_leaves, proposed
@@ -32,7 +33,15 @@ CHOSEN = DenseSegmentationSettings()
 
 
 def facts_of(**changed: float) -> ProposalFacts:
-    return ProposalFacts(**{name: np.array([changed.get(name, 0.0)]) for name in ProposalFacts.__dataclass_fields__})
+    values = {**dict.fromkeys(WEIGHTS, 0.0), "slenderness": 1.0, **changed}
+    return ProposalFacts(**{name: np.array([value]) for name, value in values.items()})
+
+
+def facts_of_widths(slenderness: list[float]) -> ProposalFacts:
+    """Leaves as sure as can be, of these widths over length in the median leaf's."""
+    count = len(slenderness)
+    facts = {**dict.fromkeys(WEIGHTS, np.zeros(count)), "on": np.full(count, 20.0), "area": np.ones(count)}
+    return ProposalFacts(**facts, slenderness=np.array(slenderness))
 
 
 def moved(leaves: Leaves, turn: Rotation, scale: float, shift) -> Leaves:
@@ -47,7 +56,7 @@ def moved(leaves: Leaves, turn: Rotation, scale: float, shift) -> Leaves:
 def test_the_odds_are_the_weighed_sum_of_the_facts():
     rated = rate_proposals(facts_of(on=0.5, edges=2.0))[0]
     assert np.log(rated / (1 - rated)) == pytest.approx(OFFSET + 0.5 * WEIGHTS["on"] + 2 * WEIGHTS["edges"])
-    assert set(WEIGHTS) == set(ProposalFacts.__dataclass_fields__)
+    assert {*WEIGHTS, "slenderness"} == set(ProposalFacts.__dataclass_fields__)
 
 
 @pytest.mark.parametrize("name", ["on", "edges", "color", "agreeing", "explained"])
@@ -58,6 +67,25 @@ def test_what_speaks_for_a_leaf_raises_its_probability(name):
 @pytest.mark.parametrize("name", ["violated", "unlike", "continued"])
 def test_what_speaks_against_a_leaf_lowers_it(name):
     assert rate_proposals(facts_of(**{name: 0.8})) < rate_proposals(facts_of(**{name: 0.2}))
+
+
+def test_what_is_as_narrow_as_a_stem_is_no_leaf_however_sure_it_is():
+    rated = rate_proposals(facts_of_widths([1.0, 1.2, 1.1, 1.0, 1.0, 1.0, 0.7, 0.6, 0.5, 0.2]))
+    assert rated == pytest.approx([1, 1, 1, 1, 1, 1, 1, 0.5, 0, 0], abs=1e-6)
+
+
+def test_narrow_leaves_are_leaves_among_narrow_ones():
+    # the leaves of a willow, and its twigs
+    rated = rate_proposals(facts_of_widths([0.3, 0.33, 0.3, 0.3, 0.05, 0.1]))
+    assert rated == pytest.approx([1, 1, 1, 1, 0, 0], abs=1e-6)
+
+
+def test_the_slenderness_of_a_proposal_is_in_that_of_the_median_leaf(pool):
+    made, _, _ = pool
+    facts, _ = measure_pool(made, CHOSEN, 0)
+    leaves, median = made.proposals.leaves, made.median_leaf
+    expected = leaf_width(leaves.parameters) / (median.width_m / median.length_m)
+    assert facts.slenderness == pytest.approx(expected)
 
 
 def test_leaves_agree_as_far_as_they_are_near():
@@ -156,7 +184,8 @@ def test_the_distance_from_a_prior_is_none_at_its_mean_in_any_version():
 
 def test_learned_weights_make_probability_the_share_that_is_right():
     rng = np.random.default_rng(4)
-    facts = ProposalFacts(**{name: rng.normal(size=4000) for name in PROPOSAL_FACTS})
+    drawn = {name: rng.normal(size=4000) for name in PROPOSAL_FACTS}
+    facts = ProposalFacts(**drawn, slenderness=np.ones(4000))
     probability = rate_proposals(facts, 0.3, dict.fromkeys(PROPOSAL_FACTS, 0.5))
     right = rng.random(4000) < probability
     learned = rate_proposals(facts, *learn_weights([facts], right, PROPOSAL_FACTS))

@@ -43,6 +43,9 @@ WEIGHTS: Mapping[str, float] = {
     "agreeing": 1.327,
 }
 
+# Width over length, in that of the scene's leaves: what is below the first is a stem, or a strip between two edges,
+# however well all views confirm it; from the second on it may be a leaf.
+NARROW = (0.5, 0.7)
 AROUND = 0.15  # median leaf lengths between the middles of proposals that may agree
 AGREE = 0.08  # median leaf lengths of mean distance, at which two proposals agree to 1/sqrt(e)
 SAME = 0.012  # the same below which one proposal is but a copy of the other
@@ -68,6 +71,7 @@ class ProposalFacts:
     width_off: NDArray[np.float64]  # (N,), square of that
     area: NDArray[np.float64]  # (N,), in median areas, 1.5 at most
     agreeing: NDArray[np.float64]  # (N,), logarithm of one more than the number of proposals that agree with it
+    slenderness: NDArray[np.float64]  # (N,), width over length, in that of the median leaf
 
 
 def join_pool(parts: list[Proposals]) -> Proposals:
@@ -113,17 +117,35 @@ def find_proposal_facts(
         width_off=np.square(width),
         area=np.minimum(evidence.area_m2 / median_leaf.area_m2, _LARGE),
         agreeing=np.log1p(count_agreeing(pool.leaves, median_leaf.length_m)),
+        slenderness=np.exp(width - length),
     )
 
 
 def rate_proposals(
     facts: ProposalFacts, offset: float = OFFSET, weights: Mapping[str, float] = WEIGHTS
 ) -> NDArray[np.float64]:
-    """(N,), 0 to 1: the probability that each proposal is a leaf as it is."""
+    """(N,), 0 to 1: the probability that each proposal is a leaf as it is; 0 where it is as narrow as a stem."""
     odds = np.full(len(facts.on), offset)
     for name, weight in weights.items():
         odds += weight * getattr(facts, name)
-    return np.asarray(expit(odds))
+    probability = np.asarray(expit(odds))
+    return probability * _wide_enough(facts, probability)
+
+
+def _wide_enough(facts: ProposalFacts, probability: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,), 0 to 1: 0 for what is too narrow for a leaf of the scene.
+
+    The median leaf is never narrower than the settings give. Where leaves are, as those of a willow, half of the area
+    that is likely to be leaves lies in proposals that are narrower than it: these are the measure then.
+    """
+    weights = probability * facts.area
+    order = np.argsort(facts.slenderness, kind="stable")
+    rising = np.cumsum(weights[order])
+    typical = 1.0
+    if len(order) and rising[-1] > 0:
+        typical = min(1.0, float(facts.slenderness[order][np.searchsorted(rising, rising[-1] / 2)]))
+    narrowest, narrow = NARROW[0] * typical, NARROW[1] * typical
+    return np.asarray(np.clip((facts.slenderness - narrowest) / (narrow - narrowest), 0, 1))
 
 
 def count_agreeing(leaves: Leaves, median_m: float) -> NDArray[np.float64]:
