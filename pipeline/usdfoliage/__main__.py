@@ -13,10 +13,15 @@ from pathlib import Path
 from usdfoliage import __version__
 from usdfoliage.cli.box import BOXED, run_in_box
 from usdfoliage.cli.help_format import HelpFormatter, shorten_usage
+from usdfoliage.cli.noise import divert_libraries
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
-from usdfoliage.files.printable import printable
+from usdfoliage.files.free_space import is_full_disk
+from usdfoliage.files.printable import PrintableFormatter, printable
 from usdfoliage.files.reading import explain_refusal, refuse_circle
+from usdfoliage.files.temporary_folder import remove_abandoned
+from usdfoliage.files.unwritten import advise, explain_unwritten
+from usdfoliage.files.write_gate import check_access
 from usdfoliage.remarks import explain_error
 
 COMMANDS = (
@@ -75,7 +80,7 @@ def build_parser(only: str | None = None) -> argparse.ArgumentParser:
         general.add_argument("-v", "--verbose", action="store_true", help="Print what each stage does.")
         general.add_argument("--debug", action="store_true", help="Print a traceback with every error.")
         shorten_usage(command)
-        command.set_defaults(run=module.run)
+        command.set_defaults(run=module.run, declare=module.declare)
     general = parser.add_argument_group("general")
     _add_help(general)
     general.add_argument(
@@ -108,13 +113,26 @@ def main(arguments: Sequence[str] | None = None, prepare: Callable[[argparse.Nam
         except FoliageError as error:
             print(f"error: {_one_line(str(error))}", file=sys.stderr)
             return 2
+    if arguments is None and os.name == "posix":
+        noise = divert_libraries()
+        try:
+            return _run(words, prepare)
+        finally:
+            if not {"-v", "--verbose"}.isdisjoint(words):
+                for line in noise.lines():
+                    print(f"INFO: library: {line}", file=sys.stderr)
+    return _run(words, prepare)
+
+
+def _run(words: Sequence[str], prepare: Callable[[argparse.Namespace], None] | None) -> int:
+    """Run one command in this process; returns the exit code."""
     try:
         options = build_parser(next((word for word in words if word in COMMANDS), "")).parse_args(words)
     except KeyboardInterrupt:
         print("error: interrupted; nothing was written", file=sys.stderr)
         return 130
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(_PrintableFormatter("%(levelname)s: %(message)s"))
+    handler.setFormatter(PrintableFormatter("%(levelname)s: %(message)s"))
     logging.basicConfig(level=logging.INFO if options.verbose else logging.WARNING, handlers=[handler])
     try:
         for value in vars(options).values():
@@ -122,6 +140,8 @@ def main(arguments: Sequence[str] | None = None, prepare: Callable[[argparse.Nam
                 refuse_circle(value)
         if prepare is not None:
             prepare(options)
+        remove_abandoned()
+        check_access(options.declare(options))
         code = int(options.run(options) or 0)
         sys.stdout.flush()
         return code
@@ -139,7 +159,7 @@ def main(arguments: Sequence[str] | None = None, prepare: Callable[[argparse.Nam
     except Exception as error:  # the last resort of the command line
         if options.debug:
             raise
-        refusal = explain_refusal(error) if isinstance(error, OSError) else None
+        refusal = _explain_system(error) if isinstance(error, OSError) else _explain_usd(error, options)
         if refusal is not None:
             print(f"error: {_one_line('; '.join(refusal))}", file=sys.stderr)
             return 2
@@ -157,17 +177,35 @@ def main(arguments: Sequence[str] | None = None, prepare: Callable[[argparse.Nam
         return 1
 
 
-class _PrintableFormatter(logging.Formatter):
-    """Messages of the log, in which names of files do not act on a terminal."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        return "\n".join(map(printable, super().format(record).split("\n")))
-
-
 def _one_line(message: str) -> str:
     """A message without line breaks and, as files hold texts of any length, without its middle where it is long."""
     line = printable(" ".join(message.split()))
     return line if len(line) <= MAX_CHARACTERS else f"{line[: MAX_CHARACTERS // 2]} … {line[-MAX_CHARACTERS // 2 :]}"
+
+
+def _explain_system(error: OSError) -> tuple[str, str] | None:
+    """What the system refuses of which file and what to do; None where no file is the reason."""
+    if error.filename is not None and is_full_disk(error):
+        path = Path(os.fsdecode(error.filename2 or error.filename))
+        return f"{path} was not written: {explain_unwritten(error, path)}", advise(error)
+    return explain_refusal(error)
+
+
+def _explain_usd(error: Exception, options: argparse.Namespace) -> tuple[str, str] | None:
+    """What USD could not read and what to do; None for an error of another kind.
+
+    USD reads the values of a crate when they are asked for, at any place of a command. What it then raises is of the
+    run's data; its coding errors are ours.
+    """
+    tf = sys.modules.get("pxr.Tf")
+    if tf is None or not isinstance(error, tf.ErrorException):
+        return None
+    data = [each for each in error.args if each.errorCode == tf.TF_DIAGNOSTIC_RUNTIME_ERROR_TYPE]
+    if not data or len(data) < len(error.args):
+        return None
+    given = getattr(options, "asset", None) or getattr(options, "leaves", None)
+    text = f"USD cannot read all of it: {data[0].commentary}"
+    return f"{given}: {text}" if given else text, "write the asset again, or copy it again"
 
 
 def _discard_stdout() -> None:

@@ -1,5 +1,6 @@
 """What can go wrong with a user's data, one class for each thing a caller can do something about."""
 
+from pathlib import Path
 from typing import Any
 
 
@@ -38,7 +39,13 @@ class AssetError(FoliageError):
 
 
 class WriteError(AssetError):
-    """A file cannot be written: the disk is full, or permissions are missing."""
+    """A file cannot be written: the disk is full, or permissions are missing.
+
+    Attributes:
+        path: What cannot be written, where it is known.
+    """
+
+    path: Path | None = None
 
 
 class PreviewError(FoliageError):

@@ -40,3 +40,14 @@ def test_missing_files_and_arrays_raise_and_damage_is_returned(tmp_path: Path) -
         read_arrays(tmp_path / "a.npz", ["color"])
     (tmp_path / "a.npz").write_bytes(b"no archive")
     assert find_damage(tmp_path / "a.npz")
+
+
+def test_a_file_that_somebody_else_wrote_is_found(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    for other in ({**ARRAYS, "depth": ARRAYS["depth"][:3]}, {**ARRAYS, "count": np.zeros((0, 2))}, ARRAYS):
+        np.savez(path, **other)
+        assert find_damage(path) == "it is not what was written"
+        with pytest.raises(ValueError, match="not what was written"):
+            read_arrays(path, sealed=True)
+    write_arrays(path, ARRAYS)
+    assert sorted(read_arrays(path, sealed=True)) == ["count", "depth"]

@@ -9,10 +9,10 @@ MIN_BYTES = 2**20  # more than what any library writes at a time
 
 
 def is_full_disk(error: BaseException) -> bool:
-    """Whether an error, or what caused it, is that a disk is full or a quota is used up."""
+    """Whether an error, or what caused it, is a full disk: no room, or a quota or the size of a file used up."""
     cause: BaseException | None = error
     while cause is not None:
-        if isinstance(cause, OSError) and cause.errno in (errno.ENOSPC, errno.EDQUOT):
+        if isinstance(cause, OSError) and cause.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
             return True
         cause = cause.__cause__
     return False

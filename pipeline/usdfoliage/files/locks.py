@@ -46,14 +46,18 @@ def wait_for_lock(descriptor: int, *, shared: bool = False) -> None:
     fcntl.flock(descriptor, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
 
 
-def try_lock(descriptor: int) -> bool:
-    """Lock an open file alone until the descriptor is closed; False where somebody else has it.
+def try_lock(descriptor: int, *, shared: bool = False) -> bool:
+    """Lock an open file or folder until the descriptor is closed; False where somebody else has it.
+
+    Args:
+        descriptor: Of it.
+        shared: With others who share it; else alone. One that is had otherwise becomes so.
 
     Raises:
         OSError: It cannot be locked; see lacks_locks.
     """
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     return True

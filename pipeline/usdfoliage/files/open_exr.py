@@ -7,8 +7,8 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from usdfoliage.errors import WriteError
 from usdfoliage.files.atomic import whole_file
+from usdfoliage.files.unwritten import UNCHANGED, describe_failed
 
 
 def write_open_exr(path: Path, header: Mapping[str, object], channels: Mapping[str, NDArray[np.floating]]) -> None:
@@ -31,7 +31,7 @@ def write_open_exr(path: Path, header: Mapping[str, object], channels: Mapping[s
             with OpenEXR.File(str(new), separate_channels=separate) as file:
                 written = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
         except (RuntimeError, ValueError) as error:
-            raise WriteError(f"{path} was not written: {error}", "is the disk full?") from error
+            raise describe_failed(path, error, scratch=new, outcome=UNCHANGED) from error
         # OpenEXR's module reports no full disk: the file is there, and ends too early or holds zeros.
         if written.keys() != planes.keys() or any(not np.array_equal(written[name], planes[name]) for name in planes):
-            raise WriteError(f"{path} was not written: it does not hold what was written to it", "is the disk full?")
+            raise describe_failed(path, "it does not hold what was written to it", scratch=new, outcome=UNCHANGED)

@@ -1,5 +1,7 @@
 """Names and texts of files as a terminal, a log and a page can show them."""
 
+import json
+import logging
 import unicodedata
 
 _UNSEEN = {
@@ -21,6 +23,22 @@ def printable(text: object) -> str:
     if written.isprintable():
         return written
     return "".join(_escape(letter) if unicodedata.category(letter) in _UNSEEN else letter for letter in written)
+
+
+def printable_json(text: str) -> str:
+    """A text in JSON, in which the same characters are written as JSON's escapes: the same values for who reads it."""
+    return "".join(
+        json.dumps(letter)[1:-1] if letter != "\n" and unicodedata.category(letter) in _UNSEEN else letter
+        for letter in text
+    )
+
+
+class PrintableFormatter(logging.Formatter):
+    """Messages of the log, in which names of files do not act on a terminal."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The message, with its lines."""
+        return "\n".join(map(printable, super().format(record).split("\n")))
 
 
 def _escape(letter: str) -> str:

@@ -8,8 +8,11 @@ import errno
 import io
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+from usdfoliage.errors import FoliageError
 from usdfoliage.files.printable import printable
 
 _KINDS = (
@@ -103,6 +106,30 @@ def reason_of(error: OSError | ValueError) -> str:
     if not isinstance(error, OSError):
         return str(error)
     return _REASONS.get(error.errno or 0, error.strerror or "no reason given")
+
+
+def describe_unread(error: OSError) -> FoliageError:
+    """The error about a file that is read and that the system refuses."""
+    text, remedy = explain_refusal(error) or (
+        f"{printable(os.fsdecode(error.filename))} cannot be used: {reason_of(error)}",
+        "see whether its disk is at fault, and run again",
+    )
+    return FoliageError(text, remedy)
+
+
+@contextmanager
+def refusals_described() -> Iterator[None]:
+    """What the system refuses of a file that is read, as the error of a user's file.
+
+    Raises:
+        FoliageError: The body raised OSError about a file that the user can do something about.
+    """
+    try:
+        yield
+    except OSError as error:
+        if explain_refusal(error) is None:
+            raise
+        raise describe_unread(error) from error
 
 
 def explain_refusal(error: OSError) -> tuple[str, str] | None:
