@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import pytest
 from pxr import Sdf, UsdUtils
+from usdfoliage.asset.asset_record import is_asset_folder
 from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.asset.packages.contents import list_files
 from usdfoliage.asset.packages.other_parts import read_other_parts
 from usdfoliage.asset.packed_files import file_of, size_bytes, unpacked
-from usdfoliage.asset.publish import is_asset_folder
 from usdfoliage.asset.validation.studio_profile import StudioRules
 from usdfoliage.asset.validation.studio_rules import check_files
 from usdfoliage.asset.validation.validate import validate_asset

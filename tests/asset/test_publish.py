@@ -7,13 +7,15 @@ import signal
 import subprocess
 import sys
 import textwrap
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from pxr import Sdf, Vt
 from usdfoliage.asset import publish
-from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
-from usdfoliage.asset.publish import FILES_LIST, foreign_files, is_asset_folder, plan_folder, publish_folder
+from usdfoliage.asset.asset_record import FILES_LIST, AssetOrigin, foreign_files, is_asset_folder, read_origin
+from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY, LOOK_OF
+from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.errors import AssetError
 
 
@@ -54,7 +56,7 @@ def left_over(out):
 @pytest.fixture(params=["exchange", "two renames"])
 def any_file_system(request, monkeypatch):
     if request.param == "two renames":
-        monkeypatch.setattr(publish, "_exchange", lambda first, second: False)
+        monkeypatch.setattr(publish, "exchange", lambda first, second: False)
 
 
 @pytest.mark.usefixtures("any_file_system")
@@ -116,7 +118,7 @@ def test_a_full_disk_is_reported_and_changes_nothing(out):
 
 
 def test_failing_second_rename_puts_the_old_folder_back(out, monkeypatch):
-    monkeypatch.setattr(publish, "_exchange", lambda first, second: False)
+    monkeypatch.setattr(publish, "exchange", lambda first, second: False)
     rename = Path.rename
 
     def fail_for_new(self, target):
@@ -139,9 +141,10 @@ def test_foreign_folder_is_refused_without_force(tmp_path):
         pytest.fail("the body must not run")
     assert (out / "chapter1.txt").read_text() == "precious"
     assert left_over(out) == []
-    with publish_folder(out, force=True) as folder:
-        write_asset(folder, "new")
-    assert which(out) == "new"
+    with pytest.raises(AssetError, match=r"never replaced"), publish_folder(out, force=True):
+        pytest.fail("the body must not run")
+    assert (out / "chapter1.txt").read_text() == "precious"
+    assert left_over(out) == []
 
 
 def as_earlier_versions_wrote(out, files):
@@ -189,6 +192,8 @@ def test_an_asset_that_lost_the_list_of_its_files_is_replaced_with_force_alone(o
         write_asset(folder, "new")
     assert which(out) == "new"
     assert foreign_files(out) == []
+    assert left_over(out) == ["oak.old-1"]  # nobody knows what in it is the asset's own
+    assert which(out.with_name("oak.old-1")) == "old"
 
 
 @pytest.mark.parametrize("extra", ["shot.usda", "OTHER.USDC"])
@@ -203,6 +208,17 @@ def test_second_usd_file_makes_a_folder_foreign(out, extra):
 def test_usd_file_of_somebody_else_makes_a_folder_foreign(tmp_path, text):
     (tmp_path / "oak.usda").write_text(text)
     assert not is_asset_folder(tmp_path)
+
+
+def test_a_folder_with_a_look_is_no_asset(tmp_path):
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.customLayerData = {CUSTOM_DATA_KEY: {LOOK_OF: "../oak/oak.usda"}}
+    assert layer.Export(str(tmp_path / "wide.usda"))
+    (tmp_path / "thesis.txt").write_text("precious")
+    assert not is_asset_folder(tmp_path)
+    with pytest.raises(AssetError, match="other things"), publish_folder(tmp_path):
+        pytest.fail("the body must not run")
+    assert (tmp_path / "thesis.txt").read_text() == "precious"
 
 
 def test_force_spares_the_home_and_the_current_folder(tmp_path, monkeypatch):
@@ -284,7 +300,7 @@ def die(*_):
 moment = {moment!r}
 rename, take_place, remove, flush = Path.rename, publish._take_place, publish._remove, publish._flush
 if moment.startswith("two renames"):
-    publish._exchange = lambda first, second: False
+    publish.exchange = lambda first, second: False
 if moment == "flush":
     publish._flush = die
 if moment == "before the exchange":
@@ -364,7 +380,7 @@ def test_a_plan_refuses_what_a_run_refuses(out, place, force, tmp_path, monkeypa
     if place == "foreign":
         (out / "mine.txt").write_text("mine")
     before = sorted(tmp_path.rglob("*"))
-    if force and place in ("strange", "foreign"):
+    if force and place == "foreign":
         assert plan_folder(named, "oak.usda", force) == f"would replace: {named / 'oak.usda'}"
     else:
         planned = refused_by(lambda path, force: plan_folder(path, "oak.usda", force), named, force)
@@ -388,3 +404,267 @@ def test_a_plan_refuses_a_folder_that_cannot_be_written_into(tmp_path, monkeypat
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may write everywhere
     with pytest.raises(AssetError, match="cannot be written: Permission denied; nothing was written"):
         plan_folder(tmp_path / "a" / "oak", "oak.usda")
+
+
+OAK = AssetOrigin(name="oak", command="leaves", source="capture")
+
+
+def publish_as(out, origin, text="new", **how):
+    with publish_folder(out, origin=origin, **how) as folder:
+        write_asset(folder, text)
+
+
+@pytest.mark.parametrize("changed", [{"name": "ash"}, {"command": "bake"}, {"source": "other"}])
+def test_only_an_asset_of_the_same_name_and_origin_is_replaced_without_force(tmp_path, changed):
+    out = tmp_path / "oak"
+    publish_as(out, OAK, "old")
+    publish_as(out, OAK, "again")
+    other = replace(OAK, **changed)
+    with pytest.raises(AssetError, match="argument force"):
+        publish_as(out, other)
+    with pytest.raises(AssetError, match="argument force"):
+        plan_folder(out, "oak.usda", origin=other)
+    assert which(out) == "again"
+    publish_as(out, other, force=True)
+    assert which(out) == "new"
+    assert read_origin(out) == replace(other, name="oak")  # the name of its interface layer
+
+
+def forget_origin(out, capture):
+    """As earlier versions wrote it, which recorded the input alone."""
+    layer = Sdf.Layer.FindOrOpen(str(out / "oak.usda"))
+    record = layer.customLayerData[CUSTOM_DATA_KEY]
+    del record["origin"]
+    layer.customLayerData = {CUSTOM_DATA_KEY: {**record, "capture": capture}}
+    layer.Save()
+
+
+@pytest.mark.parametrize("capture", ["capture", "D:\\plants\\capture", "/plants/capture"])
+def test_of_an_asset_of_an_earlier_version_name_and_input_are_compared(tmp_path, capture):
+    out = tmp_path / "oak"
+    publish_as(out, OAK)
+    forget_origin(out, capture)
+    for changed in ({"name": "ash"}, {"source": "other"}):
+        with pytest.raises(AssetError, match="argument force"):
+            publish_as(out, replace(OAK, **changed))
+    publish_as(out, OAK)
+    assert read_origin(out) == OAK
+
+
+def test_an_asset_of_an_earlier_version_without_an_input_is_replaced_with_force_alone(tmp_path):
+    out = tmp_path / "oak"
+    publish_as(out, OAK, "old")
+    forget_origin(out, "")
+    scattered = AssetOrigin(name="oak", command="scatter")
+    with pytest.raises(AssetError, match="made by an earlier version"):
+        publish_as(out, scattered)
+    assert which(out) == "old"
+    publish_as(out, read_origin(out), "baked in its folder")
+    publish_as(out, scattered, force=True)
+    assert which(out) == "new"
+
+
+def test_the_origin_is_known_where_the_list_of_files_is_lost(tmp_path):
+    out = tmp_path / "oak"
+    publish_as(out, OAK)
+    (out / FILES_LIST).unlink()
+    assert read_origin(out) == OAK
+
+
+def test_an_asset_without_a_list_is_replaced_with_force_alone_and_kept_aside(tmp_path):
+    out = tmp_path / "oak"
+    out.mkdir()
+    write_asset(out, "old")
+    with pytest.raises(AssetError, match="no list of the asset's own files"):
+        publish_asset(out, "new")
+    assert which(out) == "old"
+    publish_as(out, OAK, force=True)
+    assert which(out) == "new"
+    assert left_over(out) == ["oak.old-1"]
+    assert which(out.with_name("oak.old-1")) == "old"
+
+
+def test_a_folder_of_others_behind_a_link_stays_theirs(out, tmp_path):
+    theirs = tmp_path / "theirs"
+    theirs.mkdir()
+    (theirs / "thesis.txt").write_text("precious")
+    (out / "notes").symlink_to(theirs)
+    with pytest.raises(AssetError, match="notes"):
+        publish_asset(out, "new")
+    publish_as(out, None, force=True)
+    assert (out / "notes").readlink() == theirs
+    assert (theirs / "thesis.txt").read_text() == "precious"
+    assert left_over(out) == []
+
+
+def test_a_run_that_another_one_replaced_meanwhile_takes_nothing_back(out, monkeypatch):
+    take_place, runs = publish._take_place, []
+
+    def be_overtaken(new, target):
+        old = take_place(new, target)
+        runs.append(1)
+        if len(runs) == 1:
+            publish_asset(out, "of the other run, which is longer")
+        return old
+
+    monkeypatch.setattr(publish, "_take_place", be_overtaken)
+    publish_asset(out, "new")
+    assert which(out) == "of the other run, which is longer"
+    assert left_over(out) == []
+
+
+def test_an_asset_that_is_written_again_without_an_origin_keeps_that_it_has(tmp_path):
+    publish_as(tmp_path / "oak", OAK)
+    publish_as(tmp_path / "oak", None)
+    assert read_origin(tmp_path / "oak") == OAK
+
+
+@pytest.mark.usefixtures("any_file_system")
+def test_force_keeps_the_files_of_others(out):
+    (out / "maps" / "mine.txt").write_text("precious")
+    (out / "notes").mkdir()
+    (out / "notes" / "link").symlink_to("nowhere")
+    publish_as(out, None, force=True)
+    assert which(out) == "new"
+    assert (out / "maps" / "mine.txt").read_text() == "precious"
+    assert (out / "notes" / "link").is_symlink()
+    assert foreign_files(out) == ["maps/mine.txt", "notes/link"]  # still not the asset's
+    assert left_over(out) == []
+
+
+def test_a_file_of_others_is_not_lost_to_one_of_the_new_asset(out):
+    (out / "new.txt").write_text("precious")
+
+    def write_another():
+        with publish_folder(out, force=True) as folder:
+            write_asset(folder, "new")
+            (folder / "new.txt").touch()
+
+    with pytest.raises(AssetError, match=r"new.txt is not the asset's"):
+        write_another()
+    assert (out / "new.txt").read_text() == "precious"
+    assert which(out) == "old"
+    assert left_over(out) == []
+
+
+@pytest.mark.usefixtures("any_file_system")
+def test_a_file_that_appears_at_the_last_moment_is_put_aside(out, monkeypatch, caplog):
+    take_place = publish._take_place
+
+    def appear(new, target):
+        (out / "mine.txt").write_text("precious")
+        return take_place(new, target)
+
+    monkeypatch.setattr(publish, "_take_place", appear)
+    publish_asset(out, "new")
+    assert which(out) == "new"
+    assert left_over(out) == ["oak.old-1"]
+    assert [path.name for path in out.with_name("oak.old-1").iterdir()] == ["mine.txt"]
+    assert "oak.old-1" in caplog.text
+
+
+@pytest.mark.usefixtures("any_file_system")
+def test_what_is_replaced_is_kept_on_request(out, caplog):
+    for number in (1, 2):
+        publish_as(out, None, f"new {number}", keep_old=True)
+        assert f"oak.old-{number}" in caplog.text
+    assert which(out) == "new 2"
+    assert which(out.with_name("oak.old-1")) == "old"
+    assert which(out.with_name("oak.old-2")) == "new 1"
+    assert left_over(out) == ["oak.old-1", "oak.old-2"]
+
+
+@pytest.mark.usefixtures("any_file_system")
+def test_the_old_asset_comes_back_where_the_new_one_is_not_whole(out, monkeypatch):
+    take_place, times = publish._take_place, []
+
+    def lose_a_file(new, target):
+        old = take_place(new, target)
+        if not times:
+            (target / "maps" / "which.txt").write_text("")
+        times.append(1)
+        return old
+
+    monkeypatch.setattr(publish, "_take_place", lose_a_file)
+    with pytest.raises(AssetError, match=r"maps/which.txt is not as it was written; what was there is unchanged"):
+        publish_asset(out, "new")
+    assert which(out) == "old"
+    assert left_over(out) == []
+
+
+@pytest.mark.parametrize("names", [["../thesis.txt"], ["/thesis.txt"], ["link/thesis.txt"]])
+def test_a_record_that_lists_files_elsewhere_removes_none_of_them(out, names):
+    (out.parent / "thesis").mkdir()
+    for thesis in (out.parent / "thesis.txt", out.parent / "thesis" / "thesis.txt"):
+        thesis.write_text("precious")
+    (out / "link").symlink_to(out.parent / "thesis")
+    listed = json.loads((out / FILES_LIST).read_text())["files"]
+    (out / FILES_LIST).write_text(json.dumps({"files": [*listed, "link", *names]}))
+    publish_asset(out, "new")
+    assert (out.parent / "thesis.txt").read_text() == "precious"
+    assert (out.parent / "thesis" / "thesis.txt").read_text() == "precious"
+
+
+@pytest.fixture
+def nobody(tmp_path):
+    """This process as an ordinary user, who may write into tmp_path."""
+    if os.geteuid() != 0:
+        pytest.skip("only root can become another user")
+    for folder in tmp_path.parents[:3]:  # up to the folder of all runs of this user
+        if folder.stat().st_uid == 0 and folder.name.startswith(("pytest-", "popen-")):
+            folder.chmod(0o711)
+    tmp_path.chmod(0o777)
+    groups = os.getgroups()
+    os.setgroups([])
+    os.setegid(65534)
+    os.seteuid(65534)
+    yield 65534
+    os.seteuid(0)
+    os.setegid(0)
+    os.setgroups(groups)
+
+
+def test_an_asset_of_another_user_is_refused_before_anything_is_written(tmp_path, out, nobody):
+    os.seteuid(0)
+    out.parent.chmod(0o777)
+    os.seteuid(nobody)
+    with pytest.raises(AssetError, match=r"belongs to root.*argument keep_old"), publish_folder(out):
+        pytest.fail("the body must not run")
+    assert left_over(out) == []
+    publish_as(out, None, keep_old=True)
+    assert which(out) == "new"
+    assert left_over(out) == ["oak.old-1"]
+    os.seteuid(0)
+    out.parent.chmod(0o1777)
+    os.chown(out, 0, 0)
+    os.seteuid(nobody)
+    with pytest.raises(AssetError, match=r"belongs to root, who alone may replace it"), publish_folder(out):
+        pytest.fail("the body must not run")
+    assert left_over(out) == ["oak.old-1"]
+
+
+@pytest.mark.parametrize("two_renames", [False, True])
+def test_a_kill_while_the_old_asset_is_removed_loses_no_file_of_others(out, two_renames):
+    (out / "mine.txt").write_text("precious")
+    program = textwrap.dedent(f"""
+        import os, signal
+        from pathlib import Path
+        from usdfoliage.asset import publish, replacing
+        from tests.asset.test_publish import write_asset
+
+        if {two_renames}:
+            publish.exchange = lambda first, second: False
+        publish.retire = lambda *words, **more: os.kill(os.getpid(), signal.SIGKILL)
+        with publish.publish_folder(Path({str(out)!r}), force=True) as folder:
+            write_asset(folder, "new")
+    """)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    assert (out / "mine.txt").read_text() == "precious"
+    old = next(path for path in out.parent.iterdir() if path.is_dir() and path != out)
+    (old / "late.txt").write_text("precious too")
+    with pytest.raises(RuntimeError), publish_folder(out, force=True):
+        raise RuntimeError
+    assert which(out) == "new"
+    assert left_over(out) == ["oak.old-1"]
+    assert [path.name for path in out.with_name("oak.old-1").iterdir()] == ["late.txt"]

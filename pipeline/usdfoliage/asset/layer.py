@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdShade
 
-from usdfoliage.errors import WriteError
+from usdfoliage.files.unwritten import describe_failed
 
 FIRST_FRAME = 1
 FRAMES_PER_SECOND = 24.0
@@ -43,9 +43,9 @@ def save_layer(layer: Sdf.Layer, path: Path) -> None:
     except Tf.ErrorException as error:
         # One line of USD's own, without its C++ function and source file.
         reasons = [line.split(" : ", 1)[-1].strip("'") for line in str(error).splitlines() if " : " in line]
-        raise WriteError(f"{path} cannot be written: {reasons[0] if reasons else error}") from error
+        raise describe_failed(path, reasons[0] if reasons else error) from error
     if not written:
-        raise WriteError(f"{path} cannot be written", "is the disk full, or the folder read-only?")
+        raise describe_failed(path, "USD states no reason")
 
 
 def author_scopes(stage: Usd.Stage, path: Sdf.Path) -> None:

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -167,7 +168,7 @@ def check_usd_name(path: Path) -> None:
         AssetError: It has a control character, a backslash, or bytes that are no UTF-8.
     """
     for character in str(path.absolute()):
-        if ord(character) < 32 or ord(character) == 127 or character == "\\" or 0xD800 <= ord(character) < 0xE000:
+        if unicodedata.category(character) in ("Cc", "Cs") or character == "\\":
             escaped = ascii(str(path))[1:-1]
             raise AssetError(
                 f"{escaped} has {character!a} in its path, which USD cannot read", "rename it, or its folder"

@@ -1,6 +1,5 @@
 """Files that lie in a usdz package, which USD names package.usdz[file within]."""
 
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 from pxr import Ar
 
 from usdfoliage.errors import AssetError
+from usdfoliage.files.temporary_folder import temporary_folder
 
 
 def is_package(path: Path) -> bool:
@@ -56,8 +56,8 @@ def unpacked(path: Path) -> Iterator[Path]:
     if not is_packed(path):
         yield path
         return
-    with tempfile.TemporaryDirectory(prefix="usdfoliage-unpacked-") as folder:
-        copy = Path(folder) / file_name(path)
+    with temporary_folder("unpacked", AssetError) as folder:
+        copy = folder / file_name(path)
         copy.write_bytes(_open(path).GetBuffer())
         yield copy
 

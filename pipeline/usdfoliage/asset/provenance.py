@@ -10,9 +10,9 @@ from typing import Any
 from pxr import Sdf
 
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
-from usdfoliage.errors import WriteError
 from usdfoliage.files.hashing import digest_text
 from usdfoliage.files.json import read_json
+from usdfoliage.files.unwritten import describe_unwritten
 
 PROVENANCE_FILE = "report/provenance.json"  # of an asset, where the record is too long for the interface layer
 PACKAGES = (  # that decide an asset, and the pages beside it
@@ -134,7 +134,7 @@ def write_provenance_file(folder: Path, provenance: Provenance) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(content, indent=2, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:
-        raise WriteError(f"{path} cannot be written: {error.strerror}") from error
+        raise describe_unwritten(path, error) from error
     return path
 
 

@@ -8,55 +8,51 @@ rename. The names of a run's files beside ``oak``::
     .oak.TOKEN.usdfoliage-old    only where a file system cannot exchange two folders: the old one, for an instant
 
 A killed run leaves some of them. The next run for the same folder puts a stranded old folder back, if that is all there
-is, and removes the rest.
+is, and removes the rest. The lock file holds the inode of the new folder, so that it is known which one has its name.
+
+The folder that was replaced stays until the new one is in its place and was looked at again. Then the files that its
+record lists are removed, and nothing else: usdfoliage.asset.replacing.
 """
 
-import ctypes
 import errno
-import json
 import logging
 import os
 import re
 import shutil
-import sys
 import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
-from pxr import Sdf, Tf
-
-from usdfoliage.asset.locate import check_usd_name, usd_files_at_top
-from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
-from usdfoliage.asset.packed_files import is_package
-from usdfoliage.errors import AssetError, WriteError
-from usdfoliage.files.atomic import flush_to_disk
-from usdfoliage.files.json import read_json
+from usdfoliage.asset.asset_record import AssetOrigin, list_files, listed_files, read_origin, record_files
+from usdfoliage.asset.locate import check_usd_name
+from usdfoliage.asset.replacing import bring_foreign, check_replaceable, put_aside, retire
+from usdfoliage.errors import AssetError, FoliageError, WriteError
+from usdfoliage.files.atomic import exchange, flush_to_disk
 from usdfoliage.files.locks import open_lock, open_old_lock, try_lock, wait_for_lock
-from usdfoliage.remarks import Argument
+from usdfoliage.files.reading import describe_unread
+from usdfoliage.files.unwritten import UNCHANGED, describe_unwritten, is_of_another_file, with_users_names
 
 logger = logging.getLogger(__name__)
 
 _LOCK, _NEW, _OLD = "usdfoliage-lock", "usdfoliage-new", "usdfoliage-old"
-FILES_LIST = "report/files.json"  # of an asset: the files that were written, itself among them
-_FILES = "files"  # of an asset's record: FILES_LIST; in assets of earlier versions the list itself
-_AT_FDCWD = -100
-_RENAME_EXCHANGE = 2
-# What renameat2 fails with where the kernel or the file system does not know it.
-_NO_EXCHANGE = (errno.ENOSYS, errno.EINVAL, errno.ENOTSUP, errno.EPERM)
 
 
 @contextmanager
-def publish_folder(out: Path, force: bool = False) -> Iterator[Path]:
+def publish_folder(
+    out: Path, force: bool = False, *, origin: AssetOrigin | None = None, keep_old: bool = False
+) -> Iterator[Path]:
     """Give the body an empty folder to write into; when it ends well, that folder is out.
 
-    Until then out is as it was, whatever happens: an exception, a full disk, a kill. What was in out before is gone
-    afterwards, so out must be an asset of ours, empty or absent.
+    Until then out is as it was, whatever happens: an exception, a full disk, a kill. Of what was in out before, the
+    files that the asset's record lists are gone afterwards, so out must be an asset of ours, empty or absent.
 
     Args:
         out: The folder to make or to replace. A symbolic link stays, and what it points to is replaced.
-        force: Replace a folder that is not ours too.
+        force: Replace also an asset of another name or origin, and one whose record is lost. Files that are not the
+            asset's stay: in the new one, or in a folder beside it.
+        origin: Of the new asset; None: that of the old one.
+        keep_old: Keep what is replaced, in a folder beside out.
 
     Raises:
         AssetError: out is a file, somebody else's folder, or cannot be written; or the body raised OSError.
@@ -65,40 +61,62 @@ def publish_folder(out: Path, force: bool = False) -> Iterator[Path]:
         target = _resolve(out)
         made = _make_parents(target.parent)
     except OSError as error:
-        raise WriteError(_refuse(out, error)) from error
+        raise describe_unwritten(out, error, what="cannot be written", outcome="; nothing was written") from error
     try:
         lock, new = _begin(target)
         try:
             _recover(target)
-            _check_replaceable(out, target, force)
-            yield new
-            _record_files(new)
+            check_replaceable(out, target, force, origin, keep_old)
+            try:
+                yield new
+            except OSError as error:
+                if is_of_another_file(error, new, target):
+                    raise describe_unread(error) from error
+                raise
+            record_files(new, origin or read_origin(target))
+            # Somebody may have put something there meanwhile.
+            check_replaceable(out, target, force, origin, keep_old)
+            brought = bring_foreign(target, new)
             _flush(new)
             if target.exists():
                 shutil.copymode(target, new)
-            # Somebody may have put something there meanwhile.
-            _check_replaceable(out, target, force)
-            _take_place(new, target)
+            inode = new.stat().st_ino
+            sizes = {name: size for name, size in _survey(new).items() if name not in brought}
+            old = _take_place(new, target)
+            reason = _why_not_whole(target, inode, sizes)
+            if reason:
+                _take_back(new, target, old)
+                raise WriteError(
+                    f"{out} was not written: {reason}; what was there is unchanged", "check the disk, and run again"
+                )
             made = []
-        except AssetError as error:  # a file's name as the user knows it
-            raise type(error)(error.text.replace(str(new), str(out)), error.remedy) from error
+            if old is not None:
+                retire(old, target, listed_files(old), brought, keep=keep_old)
+        except FoliageError as error:  # a file's name as the user knows it
+            raise with_users_names(error, new, out) from error
+        except OSError as error:
+            raise describe_unwritten(_as_known(error, new, out), error, outcome=UNCHANGED) from error
         finally:
             _end(lock, new)
     except OSError as error:
-        raise WriteError(_explain(out, target, error)) from error
+        raise describe_unwritten(out, error, outcome=UNCHANGED) from error
     finally:
         with suppress(OSError):  # one of them is in use by now
             for folder in reversed(made):
                 folder.rmdir()
 
 
-def plan_folder(out: Path, interface: str, force: bool = False) -> str:
+def plan_folder(
+    out: Path, interface: str, force: bool = False, *, origin: AssetOrigin | None = None, keep_old: bool = False
+) -> str:
     """What publish_folder would do, in a line for a dry run; writes nothing.
 
     Args:
         out: The folder to make or to replace.
         interface: The file that will stand at its top.
-        force: Replace a folder that is not ours too.
+        force: As publish_folder, as the rest.
+        origin: Of the new asset.
+        keep_old: Whether what is replaced is kept.
 
     Raises:
         AssetError: publish_folder would refuse out.
@@ -113,87 +131,10 @@ def plan_folder(out: Path, interface: str, force: bool = False) -> str:
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
         if not os.access(parent, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        _check_replaceable(out, target, force)
+        check_replaceable(out, target, force, origin, keep_old)
     except OSError as error:
-        raise WriteError(_refuse(out, error)) from error
+        raise describe_unwritten(out, error, what="cannot be written", outcome="; nothing was written") from error
     return f"would {'replace' if stands else 'write'}: {out / interface}"
-
-
-def is_asset_folder(folder: Path) -> bool:
-    """Whether exactly one USD file stands at the top of folder and usdfoliage wrote it."""
-    return _read_record(folder) is not None
-
-
-def foreign_files(folder: Path) -> list[str]:
-    """Files in an asset's folder that usdfoliage did not write, by their path from there, sorted.
-
-    Raises:
-        AssetError: The list of the asset's own files, FILES_LIST, is lost or damaged.
-    """
-    record = _read_record(folder)
-    ours = _own_files(folder, record) if record else set()
-    return [name for name in _list_files(folder) if name not in ours] if ours else []
-
-
-def _own_files(folder: Path, record: Mapping[str, Any]) -> set[str]:
-    """What usdfoliage wrote, as the record of an asset knows it; empty where it does not."""
-    entry = record.get(_FILES, ())
-    if not isinstance(entry, str):
-        return set(entry)
-    try:
-        listed = read_json(folder / FILES_LIST)["files"]
-        if not all(isinstance(name, str) for name in listed):
-            raise ValueError("it holds other things than names of files")
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise AssetError(
-            f"{folder / FILES_LIST}, the list of the asset's own files, cannot be read ({reason})",
-            ("move what is yours out of the folder, and use ", Argument(name="force"), " to replace the rest"),
-        ) from error
-    return set(listed)
-
-
-def _interface(folder: Path) -> Path | None:
-    """The one USD file at the top of folder; None where it is a package, which users make, and put where they like."""
-    layers = usd_files_at_top(folder)
-    return layers[0] if len(layers) == 1 and not is_package(layers[0]) else None
-
-
-def _read_record(folder: Path) -> dict[str, Any] | None:
-    """What usdfoliage wrote into the interface layer of itself; None where it is no asset of ours."""
-    interface = _interface(folder)
-    if interface is None:
-        return None
-    try:
-        layer = Sdf.Layer.OpenAsAnonymous(str(interface), metadataOnly=True)
-    except Tf.ErrorException:
-        return None
-    return layer.customLayerData.get(CUSTOM_DATA_KEY) if layer is not None else None
-
-
-def _list_files(folder: Path) -> list[str]:
-    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir())
-
-
-def _record_files(folder: Path) -> None:
-    """List which files are ours, so that a later run does not take others with them, and name the list in the
-    interface layer."""
-    record = _read_record(folder)
-    interface = _interface(folder)
-    if record is None or interface is None:
-        return
-    path = folder / FILES_LIST
-    path.parent.mkdir(exist_ok=True)
-    files = sorted({*_list_files(folder), FILES_LIST})
-    path.write_text(json.dumps({"files": files}, indent=1) + "\n", encoding="utf-8")
-    layer = Sdf.Layer.OpenAsAnonymous(str(interface))
-    layer.customLayerData = {**layer.customLayerData, CUSTOM_DATA_KEY: {**record, _FILES: FILES_LIST}}
-    try:
-        written = layer.Export(str(interface))
-    except Tf.ErrorException as error:
-        raise WriteError(f"{interface.name} cannot be written: {error}") from error
-    if not written:
-        raise WriteError(f"{interface.name} cannot be written")
 
 
 def _resolve(out: Path) -> Path:
@@ -227,32 +168,40 @@ def _make_parents(parent: Path) -> list[Path]:
     return missing[::-1]
 
 
-def _check_replaceable(out: Path, target: Path, force: bool) -> None:
-    if not target.exists():
+def _survey(folder: Path) -> dict[str, int]:
+    """The sizes of the files in a folder, by their path from there."""
+    return {name: (folder / name).lstat().st_size for name in list_files(folder)}
+
+
+def _why_not_whole(target: Path, inode: int, sizes: Mapping[str, int]) -> str:
+    """Look at a new asset in its place: what is wrong with it; empty where it is whole, or replaced by another run.
+
+    Args:
+        target: Where it is.
+        inode: Of its folder.
+        sizes: Of its files, as they were written.
+    """
+    try:
+        found = _survey(target)
+        lost = sorted(name for name, size in sizes.items() if found.get(name) != size)
+        reason = f"{lost[0]} is not as it was written" if lost else ""
+    except OSError as error:
+        reason = f"it cannot be read again: {error.strerror}"
+    try:
+        return reason if target.stat().st_ino == inode else ""
+    except FileNotFoundError:  # another run is about to replace it
+        return ""
+
+
+def _take_back(new: Path, target: Path, old: Path | None) -> None:
+    """The reverse of _take_place."""
+    if old == new:
+        if not exchange(new, target):
+            raise OSError(errno.EIO, os.strerror(errno.EIO), str(target))
         return
-    if not target.is_dir():
-        raise AssetError(f"{out} is a file", "name a folder for the asset")
-    if target.is_mount():
-        raise AssetError(f"{out} is where a file system is mounted, and cannot be replaced", "name a folder in it")
-    if not any(target.iterdir()):
-        return
-    if is_asset_folder(target):
-        foreign = [] if force else foreign_files(target)
-        if foreign:
-            more = f" and {len(foreign) - 3} more" if len(foreign) > 3 else ""
-            raise AssetError(
-                f"{out} holds files that are not the asset's: {', '.join(foreign[:3])}{more}",
-                ("move them elsewhere, or use ", Argument(name="force"), " to lose them"),
-            )
-        return
-    if not force:
-        raise AssetError(
-            f"{out} is a folder with other things than one asset of usdfoliage, and would be replaced",
-            ("name another folder, or use ", Argument(name="force"), " to lose what is in it"),
-        )
-    here = Path.cwd()
-    if target in (here, *here.parents) or target in (Path.home(), *Path.home().parents):
-        raise AssetError(f"{out} holds the home or the current folder, which is never replaced")
+    target.rename(new)
+    if old is not None:
+        old.rename(target)
 
 
 def _begin(target: Path) -> tuple[int, Path]:
@@ -270,6 +219,7 @@ def _begin(target: Path) -> tuple[int, Path]:
     new = _sibling(target, token, _NEW)
     try:
         new.mkdir()
+        os.write(lock, f"{new.stat().st_ino}\n".encode())
     except OSError:
         _end(lock, new)
         raise
@@ -277,9 +227,17 @@ def _begin(target: Path) -> tuple[int, Path]:
 
 
 def _end(lock: int, new: Path) -> None:
-    """Remove what is left of a run, its lock file last: with that the next run finds what could not be removed."""
+    """Remove what is left of a run, its lock file last: with that the next run finds what could not be removed.
+
+    What was replaced is never among that: where it is still there, it is put aside whole.
+    """
     base = new.name.removesuffix(_NEW)
-    if _remove(new) and _remove(new.with_name(base + _OLD)):
+    target = new.with_name(base[1:].rsplit(".", 2)[0])
+    for replaced in (new.with_name(base + _OLD), *([new] if _is_replaced(lock, new) else [])):
+        if replaced.exists():
+            with suppress(OSError):
+                logger.warning("what was in %s is kept in %s", target, put_aside(replaced, target))
+    if not new.with_name(base + _OLD).exists() and not _is_replaced(lock, new) and _remove(new):
         new.with_name(base + _LOCK).unlink(missing_ok=True)
     os.close(lock)
 
@@ -313,20 +271,44 @@ def _recover(target: Path) -> None:
         if old.exists() and not target.exists():
             logger.warning("%s was left aside by a killed run; putting it back", target)
             old.rename(target)
-        _end(lock, _sibling(target, token, _NEW))
+        new = _sibling(target, token, _NEW)
+        for replaced in (old, *([new] if _is_replaced(lock, new) else [])):
+            if replaced.exists() and target.exists():
+                retire(replaced, target, listed_files(replaced), _same_files(replaced, target), keep=False)
+        _end(lock, new)
 
 
-def _take_place(new: Path, target: Path) -> None:
-    """Put new where target is, in one step where the system can; what was there is removed."""
+def _is_replaced(lock: int, new: Path) -> bool:
+    """Whether the folder with the name of a new one is what a killed run had replaced: the two were exchanged."""
+    try:
+        known = os.pread(lock, 32, 0).strip()
+        return bool(known) and new.stat().st_ino != int(known)
+    except (OSError, ValueError):
+        return False
+
+
+def _same_files(old: Path, target: Path) -> list[str]:
+    """Files that two folders share: those of others, which the new asset has got."""
+    return [
+        name
+        for name in list_files(old)
+        if (target / name).exists() and os.path.samestat((old / name).lstat(), (target / name).lstat())
+    ]
+
+
+def _take_place(new: Path, target: Path) -> Path | None:
+    """Put new where target is, in one step where the system can; returns where that is which was there, if any."""
     old = new.with_name(new.name.removesuffix(_NEW) + _OLD)
+    replaced: Path | None = None
     while True:
         try:
             if not target.exists():
                 new.rename(target)
-            elif _exchange(new, target):
-                pass  # what was there is now called new, and goes with it
+            elif exchange(new, target):
+                replaced = new  # what was there now has this name
             else:
                 _swap_in_two_steps(new, target, old)
+                replaced = old
             break
         except FileNotFoundError:
             if target.exists() or not new.exists():
@@ -335,8 +317,10 @@ def _take_place(new: Path, target: Path) -> None:
             # Another run has put its asset there in between: ours replaces it.
             if error.errno not in (errno.ENOTEMPTY, errno.EEXIST) or not new.exists():
                 raise
-            _remove(old)
+            if old.exists():
+                retire(old, target, listed_files(old), (), keep=False)
     _sync(target.parent)
+    return replaced
 
 
 def _swap_in_two_steps(new: Path, target: Path, old: Path) -> None:
@@ -347,19 +331,6 @@ def _swap_in_two_steps(new: Path, target: Path, old: Path) -> None:
     finally:
         if not target.exists():
             old.rename(target)
-
-
-def _exchange(first: Path, second: Path) -> bool:
-    """Swap two folders atomically; False where the system cannot."""
-    rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None) if sys.platform == "linux" else None
-    if rename is None:
-        return False
-    if rename(_AT_FDCWD, os.fsencode(first), _AT_FDCWD, os.fsencode(second), _RENAME_EXCHANGE) == 0:
-        return True
-    code = ctypes.get_errno()
-    if code in _NO_EXCHANGE:
-        return False
-    raise OSError(code, os.strerror(code), str(second))
 
 
 def _flush(folder: Path) -> None:
@@ -388,16 +359,9 @@ def _remove(folder: Path) -> bool:
     return True
 
 
-def _refuse(out: Path, error: OSError) -> str:
-    return f"{out} cannot be written: {error.strerror}; nothing was written"
-
-
-def _explain(out: Path, target: Path, error: OSError) -> str:
-    what = f"{out} was not written: {error.strerror or error}"
-    if error.filename2 or error.filename:
-        what += f" ({error.filename2 or error.filename})"
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return (
-            f"{what}; {shutil.disk_usage(target.parent).free / 1e6:.0f} MB are free there; what was there is unchanged"
-        )
-    return f"{what}; what was there is unchanged"
+def _as_known(error: OSError, new: Path, out: Path) -> Path:
+    """The file that an error is about, as the user knows it; out where it is about another one."""
+    name = error.filename2 or error.filename
+    if isinstance(name, str | bytes) and Path(os.fsdecode(name)).is_relative_to(new):
+        return out / Path(os.fsdecode(name)).relative_to(new)
+    return out

@@ -23,7 +23,7 @@ def publish_written(path: Path, write: Callable[[Path], object]) -> None:
     Raises:
         WriteError: The file cannot be written; what was there is unchanged.
     """
-    with whole_file(path, remedy="") as new:
+    with whole_file(path) as new:
         write(new)
     opened = Sdf.Layer.Find(str(path))
     if opened:

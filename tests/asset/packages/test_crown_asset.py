@@ -15,11 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, UsdUtils, UsdValidation
+from usdfoliage.asset.asset_record import is_asset_folder
 from usdfoliage.asset.materials.cubemap_exr import read_cubemap
 from usdfoliage.asset.packages.leaf_package import AssetSettings, write_crown_asset
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
-from usdfoliage.asset.publish import is_asset_folder, publish_folder
+from usdfoliage.asset.publish import publish_folder
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
 from usdfoliage.geometry.cubemap import face_directions

@@ -331,7 +331,7 @@ def test_a_tinted_texture_is_read_back(tmp_path):
     ):
         interface = write_spray(tmp_path / name, appearance=look)
         stage = Usd.Stage.Open(str(interface))
-        appearance = read_leaf_appearance(stage.GetPrimAtPath("/spray/geo/render/Leaves"), None)
+        appearance = read_leaf_appearance(stage.GetPrimAtPath("/spray/geo/render/Leaves"), None, [interface.parent])
         assert appearance.texture_color == look.texture_color
         # MaterialX multiplies by the ratio of the leaf's colour to the picture's median.
         assert bool(stage.GetPrimAtPath("/spray/mtl/Leaf/MtlxTint")) == (look.texture_color is not None)

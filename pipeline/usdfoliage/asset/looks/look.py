@@ -87,6 +87,21 @@ def open_asset(asset: Path, load: Usd.Stage.InitialLoadSet = Usd.Stage.LoadAll) 
     return stage
 
 
+def try_composing(asset: Path) -> None:
+    """Compose what another process is about to draw, so that a file on which USD does not end is found here.
+
+    Raises:
+        AssetError: There is nothing of that name, or it is no USD, truncated or damaged.
+    """
+    require_schemas()
+    diagnostics = UsdUtils.CoalescingDiagnosticDelegate()  # that process prints them
+    path = find_interface(asset)
+    root = open_root_layer(path)
+    check_layers(root, path)
+    Usd.Stage.Open(root)
+    log_diagnostics(diagnostics)
+
+
 def open_root_layer(path: Path) -> Sdf.Layer:
     """The layer at path; for a look one in memory that shows it over its asset.
 

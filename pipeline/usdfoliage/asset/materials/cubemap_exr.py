@@ -16,6 +16,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from usdfoliage.errors import AssetError
+from usdfoliage.files.library_text import library_text
 from usdfoliage.files.open_exr import write_open_exr
 from usdfoliage.geometry.cubemap import texel_identity
 
@@ -119,13 +120,13 @@ def _find_damage(path: Path) -> str:
         return "it is missing or no file"
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        return str(oiio.geterror() or "no image").splitlines()[0]
+        return library_text(oiio.geterror) or "no image"
     try:
         spec = source.spec()
         if spec.width > MAX_TEXELS or spec.height > 6 * MAX_TEXELS:
             return f"its header states {spec.width} × {spec.height} pixels, at most {MAX_TEXELS} a side are read"
         if source.read_image("half") is None or source.has_error:
-            return str(source.geterror() or "its pixels end too early").splitlines()[0]
+            return library_text(source.geterror) or "its pixels end too early"
     finally:
         source.close()
     return ""

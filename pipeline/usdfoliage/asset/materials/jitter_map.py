@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.asset.packed_files import is_packed, unpacked
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.library_text import library_text
 
 MIN_TEXELS = 2  # one alone is no wave
 MAX_TEXELS = 16_384  # what OpenGL takes in one row
@@ -31,10 +32,8 @@ def read_jitter_map(path: Path) -> NDArray[np.float64]:
     except TypeError as error:  # a name that is not valid Unicode
         raise CaptureError(f"the file name of {path!r} is not valid Unicode", "rename it") from error
     if source is None:
-        reason = oiio.geterror() or "no reason given"
-        raise CaptureError(
-            f"{path} is not an image that can be read ({reason.splitlines()[0]})", "use PNG, TIFF or EXR"
-        )
+        reason = library_text(oiio.geterror) or "no reason given"
+        raise CaptureError(f"{path} is not an image that can be read ({reason})", "use PNG, TIFF or EXR")
     try:
         spec = source.spec()
         if spec.width < MIN_TEXELS:
@@ -42,11 +41,11 @@ def read_jitter_map(path: Path) -> NDArray[np.float64]:
         if spec.width > MAX_TEXELS:
             raise CaptureError(f"{path} is {spec.width} pixels wide, {MAX_TEXELS} are allowed", "scale it down")
         pixels = source.read_image(0, 0, 0, 1, oiio.FLOAT)
-        reason = source.geterror()
+        reason = library_text(source.geterror)
     finally:
         source.close()
     if pixels is None:
-        why = reason.splitlines()[0] if reason else "no reason given"
+        why = reason or "no reason given"
         raise CaptureError(f"{path} cannot be read to its end ({why})", "write it again")
     row = np.asarray(pixels, np.float64).reshape(spec.height, spec.width, -1)[0, :, 0]
     if not ((row >= 0) & (row <= 1)).all():  # false for NaN too

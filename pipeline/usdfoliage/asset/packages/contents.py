@@ -14,9 +14,11 @@ from usdfoliage.asset.locate import find_interface, find_plants, first_reason, l
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY, REPRESENTATION
 from usdfoliage.asset.looks.look import Look, read_look
 from usdfoliage.asset.materials.leaf import STORM_SURFACE, TEXTURE_COLOR
+from usdfoliage.asset.materials.picture import why_no_picture
+from usdfoliage.asset.own_files import may_hand_on, require_own
 from usdfoliage.asset.packed_files import display_name, is_package, is_packed, size_bytes
 from usdfoliage.asset.parts.leaf_part import LeafAppearance
-from usdfoliage.asset.parts.leaf_primvars import place
+from usdfoliage.asset.parts.leaf_primvars import describe_unfound, place
 from usdfoliage.asset.plant import BRANCHES, CROWN, LEAVES, SKELETON
 from usdfoliage.asset.provenance import Provenance, read_provenance_file, texts
 from usdfoliage.asset.schema import CROWN_API, LEAF_API, PLANT_API, SKELETON_API
@@ -149,14 +151,21 @@ def matrix_in_plant(prim: Usd.Prim, plant: Usd.Prim) -> NDArray[np.float64]:
     return np.array(matrix).T
 
 
-def read_leaf_appearance(leaves: Usd.Prim, jitter_map: Path | None) -> LeafAppearance:
+def read_leaf_appearance(leaves: Usd.Prim, jitter_map: Path | None, folders: Sequence[Path]) -> LeafAppearance:
     """The appearance that all leaves of an instancer share: the colour of its prototype, the texture of its material.
 
+    Args:
+        leaves: The instancer.
+        jitter_map: The map of its jitter, if it has one.
+        folders: Where its pictures may lie (usdfoliage.asset.own_files.own_folders).
+
     Raises:
-        AssetError: The texture is missing, or it or the jitter map lies in a package.
+        AssetError: The texture is missing, or it or the jitter map lies in a package or outside the folders.
     """
     if jitter_map is not None and is_packed(jitter_map):
         raise AssetError(f"the jitter map {jitter_map} lies in a package", "unpack that, as any zip file, first")
+    if jitter_map is not None:
+        require_own(jitter_map, folders, f"the jitter map {jitter_map}")
     targets = UsdGeom.PointInstancer(leaves).GetPrototypesRel().GetForwardedTargets()
     prototype = leaves.GetStage().GetPrimAtPath(targets[0]) if targets else None
     if not prototype:
@@ -169,7 +178,7 @@ def read_leaf_appearance(leaves: Usd.Prim, jitter_map: Path | None) -> LeafAppea
         color = (red, green, blue)
     return LeafAppearance(
         color=color,
-        texture=_read_texture(prototype),
+        texture=_read_texture(prototype, folders),
         texture_color=_read_texture_color(prototype),
         jitter_map=jitter_map,
     )
@@ -271,6 +280,21 @@ def outside_files(interface: Path, files: Iterable[AssetFile]) -> list[str]:
     return [file.path for file in files if not Path(os.path.realpath(below / file.path)).is_relative_to(folder)]
 
 
+def files_left_out(interface: Path) -> list[str]:
+    """Files that an asset's layers name, in any variant, and that no copy of its layers brings along.
+
+    Raises:
+        AssetError: A layer cannot be read.
+    """
+    _, others, _ = list_files(interface)
+    folder = interface.absolute().parent
+    return [
+        file.path
+        for file in others
+        if not is_packed(folder / file.path) and not may_hand_on(folder / file.path, folder)
+    ]
+
+
 def irregular_files(layer: Path) -> list[tuple[Path, str]]:
     """Files that a layer needs, itself or through others, that are pipes, devices or circles of links, and why.
 
@@ -322,7 +346,7 @@ def _read_provenance(plant: Usd.Prim, interface: Path) -> Provenance:
     )
 
 
-def _read_texture(gprim: Usd.Prim) -> Path | None:
+def _read_texture(gprim: Usd.Prim, folders: Sequence[Path]) -> Path | None:
     """The picture that gives the bound UsdPreviewSurface its colour."""
     material, _ = UsdShade.MaterialBindingAPI(gprim).ComputeBoundMaterial()
     surface = material.ComputeSurfaceSource()[0] if material else None
@@ -330,15 +354,19 @@ def _read_texture(gprim: Usd.Prim) -> Path | None:
     sources, _ = color.GetConnectedSources() if color else ((), ())
     file = UsdShade.Shader(sources[0].source.GetPrim()).GetInput("file") if sources else None
     stored = file.Get() if file else None
-    if not isinstance(stored, Sdf.AssetPath) or not stored.path:
+    if file is None or not isinstance(stored, Sdf.AssetPath) or not stored.path:
         return None
     path = _file(stored)
     if path is None:
-        raise AssetError(f"the texture {stored.path} is missing ({place(gprim)})", "put the file there")
+        raise describe_unfound("texture", file.GetAttr())
     if is_packed(path):
         raise AssetError(
             f"the texture {path} ({place(gprim)}) lies in a package", "unpack that, as any zip file, first"
         )
+    require_own(path, folders, f"the texture {path} ({place(gprim)})")
+    reason = why_no_picture(path)
+    if reason:
+        raise AssetError(f"the texture {path} ({place(gprim)}) is no picture ({reason})", "put a picture there")
     return path
 
 
@@ -367,4 +395,8 @@ def _file(value: object) -> Path | None:
 
 
 def _file_of(path: Path, folder: Path) -> AssetFile:
-    return AssetFile(path=display_name(path, folder), size_bytes=size_bytes(path))
+    try:
+        size = size_bytes(path)
+    except OSError:  # a link to nothing, which is listed as a file that cannot be read
+        size = 0
+    return AssetFile(path=display_name(path, folder), size_bytes=size)

@@ -9,6 +9,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdMedia
 
 from usdfoliage.asset.locate import find_interface, find_plants, open_layer
 from usdfoliage.asset.look_layer import REPRESENTATION
+from usdfoliage.asset.own_files import may_hand_on
 from usdfoliage.asset.packages.assembly import Origin, begin_asset, write_asset
 from usdfoliage.asset.packages.interface import PAYLOAD
 from usdfoliage.asset.packed_files import is_package
@@ -142,7 +143,7 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, spec: Sdf.PrimSpec) -> Oth
         collections=_other_collections(plant),
         is_whole=True,
         lod=selected.get("lod", ""),
-        thumbnail=picture if picture is not None and picture.is_file() else None,
+        thumbnail=picture if picture is not None and may_hand_on(picture, interface.parent) else None,
     )
 
 

@@ -4,7 +4,6 @@ The variant set lod chooses: leaves (leaves and branches), both (and the crown, 
 renderer that knows UsdLod chooses by itself. What a lod does not show, none of its layers is opened for.
 """
 
-import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.asset.materials.picture import copy_picture
 from usdfoliage.asset.packages.assembly import (
     Origin,
     begin_asset,
@@ -40,7 +40,6 @@ from usdfoliage.asset.plant import COLLECTIONS, Plant, PurposeBoxes, box_around
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.crown.model import CrownModel
-from usdfoliage.errors import AssetError
 
 THUMBNAILS = "thumbnails"  # folder of the asset
 MAX_SIZE = 0.25  # of the picture's area: a plant that covers more is shown with its leaves, however small they are
@@ -249,13 +248,13 @@ def _auto(boxes: PurposeBoxes, parts: Sequence[Part], settings: PlantAssetSettin
 
 
 def _copy_thumbnail(place: AssetPlace, source: Path | None) -> str:
-    """Copy the picture; returns its path from the interface layer, empty without one."""
+    """Copy the picture; returns its path from the interface layer, empty without one.
+
+    Raises:
+        AssetError: It cannot be copied, or is no picture.
+    """
     if source is None:
         return ""
     target = place.folder / THUMBNAILS / f"{place.name}.png"
-    target.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        shutil.copyfile(source, target)
-    except OSError as error:
-        raise AssetError(f"{source} cannot be copied into the asset: {error.strerror}") from error
+    copy_picture(source, target)
     return f"./{THUMBNAILS}/{target.name}"

@@ -4,7 +4,6 @@ Layers are copied as they are, whatever wrote them: a surface that somebody work
 """
 
 import os
-import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from pxr import Sdf, Usd
 from usdfoliage.asset.layer import save_layer
 from usdfoliage.asset.locate import open_copy, open_layer
 from usdfoliage.asset.materials.layer import LEAF_MATERIAL, MATERIALS
+from usdfoliage.asset.own_files import copy_own, is_own, may_hand_on
 from usdfoliage.asset.parts.bare_branches import BARE_LAYER
 from usdfoliage.asset.parts.crown_part import CROWN_LAYER
 from usdfoliage.asset.parts.leaf_motion import GROWTH_LEAVES, RIG_LEAVES, DrawnLeaves, adapt_leaf_motion
@@ -174,6 +174,7 @@ def _copy_layers(others: OtherParts, layers: Iterable[str], place: AssetPlace, d
     boxes = []
     source = others.interface.parent / "payload"
     for layer in sorted(layers):
+        _check_layer(others.interface, source, layer)
         copied = _open_renamed(source / layer, others.name, place.name)
         _copy_pictures(copied, Sdf.Path.absoluteRootPath, source, place.payload)
         if drawn is not None and layer.removeprefix("./") in _MOTION:
@@ -216,8 +217,25 @@ def _open_renamed(path: Path, old: str, new: str) -> Sdf.Layer:
     return layer
 
 
+def _check_layer(interface: Path, payload: Path, layer: str) -> None:
+    """AssetError for a layer that is not in the payload's folder: its copy would be written elsewhere too."""
+    if not (_is_inside(payload / layer, payload) and is_own(payload / layer, [interface.parent])):
+        raise AssetError(
+            f"{interface} refers to {layer}, which lies outside its folder and is never copied",
+            "write the asset again",
+        )
+
+
+def _is_inside(path: Path, folder: Path) -> bool:
+    """Whether a path is in a folder by its names alone."""
+    return os.path.normpath(path).startswith(f"{os.path.normpath(folder)}{os.sep}")
+
+
 def _copy_pictures(layer: Sdf.Layer, root: Sdf.Path, source: Path, target: Path) -> None:
-    """Copy the files of the asset that attributes below root name; source and target are the payloads' folders."""
+    """Copy the pictures and shaders of the asset that attributes below root name, and nothing else.
+
+    Source and target are the payloads' folders. usdfoliage.asset.packages.contents.files_left_out lists the others.
+    """
     named: set[str] = set()
 
     def note_file(path: Sdf.Path) -> None:
@@ -227,10 +245,7 @@ def _copy_pictures(layer: Sdf.Layer, root: Sdf.Path, source: Path, target: Path)
 
     layer.Traverse(root, note_file)
     for name in sorted(named):
-        inside = os.path.normpath(source / name).startswith(f"{os.path.normpath(source.parent)}{os.sep}")
-        if inside and (source / name).is_file() and not (target / name).exists():
-            (target / name).parent.mkdir(parents=True, exist_ok=True)
-            try:
-                shutil.copyfile(source / name, target / name)
-            except OSError as error:
-                raise AssetError(f"{source / name} cannot be copied into the asset: {error.strerror}") from error
+        if not _is_inside(source / name, source.parent) or (target / name).exists():
+            continue
+        if may_hand_on(source / name, source.parent):
+            copy_own(source / name, target / name)

@@ -14,6 +14,7 @@ from usdfoliage.asset.look_layer import EDITS, EditValue, author_edit
 from usdfoliage.asset.packed_files import is_packed
 from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.errors import AssetError
+from usdfoliage.files.reading import explain_refusal
 from usdfoliage.leaf.model import PARAMETERS, Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
 
@@ -141,9 +142,7 @@ def read_jitter_map_path(prim: Usd.Prim) -> Path | None:
         return None
     path = Path(value.resolvedPath)
     if not value.resolvedPath or not (path.is_file() or is_packed(path)):
-        raise AssetError(
-            f"the jitter map {value.path} is missing ({place(prim)})", "put the file there or block the map"
-        )
+        raise describe_unfound("jitter map", attribute, "put the file there or block the map")
     return path
 
 
@@ -192,7 +191,28 @@ def time_of(attribute: Usd.Attribute) -> Usd.TimeCode:
 def place(prim: Usd.Prim) -> str:
     """Where a prim is, for a message: the file that was opened and the prim's path."""
     layer = prim.GetStage().GetRootLayer()
-    return f"{layer.realPath or layer.identifier} <{prim.GetPath()}>"
+    return f"{layer.realPath or layer.GetDisplayName()} <{prim.GetPath()}>"
+
+
+def describe_unfound(what: str, attribute: Usd.Attribute, remedy: str = "put the file there") -> AssetError:
+    """The error about a file that an attribute names and that is not there, or that the user may not open.
+
+    Args:
+        what: The file is.
+        attribute: With a path to it.
+        remedy: Where it is not there.
+    """
+    named = attribute.Get().path
+    specs = (spec for spec in attribute.GetPropertyStack(Usd.TimeCode.Default()) if spec.HasInfo("default"))
+    layer = next((spec.layer for spec in specs if not spec.layer.anonymous), None)
+    path = Path(named if layer is None else layer.ComputeAbsolutePath(named))
+    try:
+        path.stat()
+    except OSError as error:
+        refusal = explain_refusal(error)
+        if refusal is not None:
+            return AssetError(f"the {what} {refusal[0]} ({place(attribute.GetPrim())})", refusal[1])
+    return AssetError(f"the {what} {named} is missing ({place(attribute.GetPrim())})", remedy)
 
 
 def _usd_types(array: Array) -> tuple[Sdf.ValueTypeName, Any]:

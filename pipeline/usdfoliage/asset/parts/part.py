@@ -6,7 +6,6 @@ function that writes its files and returns a Part, and one line where the asset 
 with other leaves copies it with what it finds in the layers (usdfoliage.asset.packages.other_parts).
 """
 
-import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd
 
+from usdfoliage.asset.materials.picture import copy_picture
 from usdfoliage.asset.variants import VariantSet
-from usdfoliage.errors import AssetError
 
 SHADERS = "../shaders"  # from the payload's folder
 MAPS = "../maps"
@@ -85,14 +84,10 @@ def copy_map(place: AssetPlace, name: str, source: Path | None) -> str:
     """Copy a picture into the asset's maps; returns its path from the payload's folder, empty without a picture.
 
     Raises:
-        AssetError: It cannot be copied.
+        AssetError: It cannot be copied, or is no picture.
     """
     if source is None:
         return ""
     target = place.folder / map_file(name, source.name)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        shutil.copyfile(source, target)
-    except OSError as error:
-        raise AssetError(f"{source} cannot be copied into the asset: {error.strerror}") from error
+    copy_picture(source, target)
     return f"{MAPS}/{target.name}"

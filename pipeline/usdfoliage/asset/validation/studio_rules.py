@@ -13,6 +13,7 @@ from usdfoliage.asset.packed_files import file_of, unpacked
 from usdfoliage.asset.validation.findings import Finding
 from usdfoliage.asset.validation.instances import iterate_prims
 from usdfoliage.asset.validation.studio_profile import StudioRules
+from usdfoliage.files.library_text import library_text
 
 VALIDATOR = "studio"
 _NO_TEXTURES = (".glslfx", ".mtlx", ".osl", ".html", ".json")  # what an asset may name besides layers and textures
@@ -114,7 +115,7 @@ def _side_px(path: Path) -> int | None:
     with unpacked(path) as readable:
         image = oiio.ImageInput.open(str(readable))
         if image is None:
-            oiio.geterror()
+            library_text(oiio.geterror)
             return None
         spec: Any = image.spec()
         image.close()
