@@ -8,7 +8,8 @@ import time
 from pathlib import Path
 
 import pytest
-from usdfoliage.cli.box import BoxLimits, allow, measure, used_bytes
+from usdfoliage.cli.box import BoxLimits, allow, usage
+from usdfoliage.cli.composition import measure_composition
 from usdfoliage.errors import FoliageError
 
 from tests.support.leaves.commands import run
@@ -69,6 +70,50 @@ def test_what_does_not_end_is_refused_in_one_line(chain):
     assert complaints.count("\n") == 1
 
 
+def test_what_takes_the_processor_is_refused_in_one_line(chain):
+    code, printed, complaints = end("info", chain, USDFOLIAGE_CPU_LIMIT_S="3")
+    assert (code, printed) == (2, "")
+    assert complaints.startswith(f"error: {chain} takes more than 3 s of the processor to read")
+    assert "USDFOLIAGE_CPU_LIMIT_S" in complaints
+    assert complaints.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", ["info", "validate", "bake", "edit"])
+def test_a_text_without_end_is_refused_before_it_is_read(tmp_path, command):
+    with (tmp_path / "long.usda").open("wb") as file:
+        file.write(b"#usda 1.0\n")
+        file.truncate(1 << 31)
+    (tmp_path / "a.usda").write_text("#usda 1.0\n( subLayers = [@long.usda@] )\n")
+    more = {"bake": ("-o", tmp_path / "out"), "edit": ("--width", 2, "-o", tmp_path / "out.usda")}.get(command, ())
+    code, printed, complaints = end(command, tmp_path / "a.usda", *more)
+    assert (code, printed) == (2, "")
+    assert complaints.startswith(f"error: {tmp_path / 'long.usda'} is a layer of 2,048 MiB of text, more than 64;")
+    assert "USDFOLIAGE_TEXT_LIMIT_MIB" in complaints
+    assert complaints.count("\n") == 1
+
+
+def test_a_preview_is_timed_until_its_interpreter_begins(chain, tmp_path):
+    words = ("preview", chain, "-o", tmp_path / "x.png")
+    for variable in ("USDFOLIAGE_TIME_LIMIT_S", "USDFOLIAGE_CPU_LIMIT_S"):
+        code, printed, complaints = end(*words, **{variable: "4"})
+        assert (code, printed) == (2, "")
+        assert complaints.startswith(f"error: {chain} ")
+        assert variable in complaints
+    spray = tmp_path / "spray"
+    assert run("scatter", "-n", 3, "-o", spray) == 0
+    python = tmp_path / "python"
+    python.write_text("#!/bin/sh\ntimeout 20 sh -c 'while true; do :; done'\necho it drew >&2\n")
+    python.chmod(0o755)
+    code, _, complaints = end(
+        *("preview", spray, "-o", tmp_path / "x.png"),
+        USDFOLIAGE_HYDRA_PYTHON=str(python),
+        USDFOLIAGE_TIME_LIMIT_S="18",
+        USDFOLIAGE_CPU_LIMIT_S="4",
+    )
+    assert code == 2
+    assert "it drew" in complaints  # for longer than both limits
+
+
 def children(pid):
     return [
         int(child) for task in Path(f"/proc/{pid}/task").iterdir() for child in (task / "children").read_text().split()
@@ -79,13 +124,13 @@ def child_at_work(process):
     """The child of a command, once it reads."""
     for _ in range(600):
         for child in children(process.pid):
-            if used_bytes(child) > 60 << 20:
+            if usage(child).memory_bytes > 60 << 20:
                 return child
         time.sleep(0.05)
     raise AssertionError("no child works")
 
 
-@pytest.mark.parametrize("name", ["SIGSEGV", "SIGABRT", "SIGKILL"])
+@pytest.mark.parametrize("name", ["SIGSEGV", "SIGABRT", "SIGKILL", "SIGTERM"])
 def test_a_child_that_dies_is_one_line(chain, name):
     process = start("info", chain)
     os.kill(child_at_work(process), getattr(signal, name))
@@ -94,6 +139,7 @@ def test_a_child_that_dies_is_one_line(chain, name):
     assert complaints.startswith("error: ")
     assert str(chain) in complaints
     assert name in complaints
+    assert ("damaged" in complaints) == (name in ("SIGSEGV", "SIGABRT"))
     assert complaints.count("\n") == 1
 
 
@@ -145,7 +191,10 @@ def test_larger_files_may_take_more(monkeypatch):
     assert small.memory_bytes == 2 << 30
     assert large.memory_bytes > small.memory_bytes
     assert large.seconds > small.seconds == BoxLimits().base_s
-    assert allow("a", "view", 0).seconds is None  # its user closes it
+    assert large.cpu_s > small.cpu_s == BoxLimits().base_cpu_s
+    assert large.output_bytes == small.output_bytes == 16 << 30
+    assert allow("a", "view", 0).until_drawing  # its user closes it
+    assert not small.until_drawing
     machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     assert allow("a", "info", 1 << 50).memory_bytes < machine
     monkeypatch.setenv("USDFOLIAGE_MEMORY_LIMIT_GIB", "3")
@@ -159,5 +208,15 @@ def test_files_with_holes_count_for_what_they_take(tmp_path):
     with (tmp_path / "large.usdc").open("wb") as file:
         file.truncate(1 << 40)
     (tmp_path / "pipe").symlink_to("/dev/zero")
-    assert measure(tmp_path) < 1 << 20
-    assert measure(tmp_path / "large.usdc") < 1 << 20
+    assert measure_composition(tmp_path).size_bytes < 1 << 20
+    assert measure_composition(tmp_path / "large.usdc").size_bytes < 1 << 20
+
+
+def test_an_asset_is_named_also_before_the_child_has_begun(tmp_path):
+    asset = tmp_path / "plant.usda"
+    asset.write_text("#usda 1.0\n")
+    words = [sys.executable, "-m", "usdfoliage", "info", "--json", str(asset)]
+    environment = {**os.environ, "USDFOLIAGE_TIME_LIMIT_S": "0.001"}
+    ended = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert ended.stderr.startswith(f"error: {asset} was not read within")

@@ -3,14 +3,14 @@
 USD's own readers trust a file: some damage makes them take all memory, run for hours, or end the process. No check of
 ours before them finds all of that. So `info`, `validate`, `edit`, `bake`, `preview` and `view` run whole in a child.
 The parent reads no file: it starts the child, waits, and ends it where it takes more memory or time than its files
-explain. What libraries print by themselves goes to a pipe, so that nothing raw from a file reaches a terminal.
+explain. Time is that of the processor, so that a busy machine refuses no good asset; the clock ends what only waits.
+What libraries print by themselves goes to a pipe, so that nothing raw from a file reaches a terminal.
 
 The child reports what it reads, once it knows, in one line of JSON; until then the limits of an empty asset hold.
 """
 
 import argparse
 import contextlib
-import ctypes
 import json
 import logging
 import math
@@ -25,21 +25,25 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import FrameType
 
+from usdfoliage.cli.composition import Composition, measure_composition
+from usdfoliage.cli.noise import MAX_BYTES, noise_lines
 from usdfoliage.errors import FoliageError
 from usdfoliage.files.printable import printable
+from usdfoliage.files.temporary_folder import remove_abandoned
 
 logger = logging.getLogger(__name__)
 
 MEMORY_VARIABLE = "USDFOLIAGE_MEMORY_LIMIT_GIB"
+WORK_VARIABLE = "USDFOLIAGE_CPU_LIMIT_S"
 TIME_VARIABLE = "USDFOLIAGE_TIME_LIMIT_S"
+OUTPUT_VARIABLE = "USDFOLIAGE_OUTPUT_LIMIT_GIB"
+TEXT_VARIABLE = "USDFOLIAGE_TEXT_LIMIT_MIB"
 BOXED = ("info", "validate", "edit", "bake", "preview", "view")
-_DRAWING = ("preview", "view")  # they draw in a third process, which has limits of its own
+_DRAWING = ("preview", "view")  # they draw in a third process: Storm has a limit, and a window is closed by its user
 _GIB = 1 << 30
 _POLL_S = 0.03  # 100 MB at most are taken meanwhile
-_MAX_NOISE_BYTES = 1 << 16  # of what libraries print, the last that is kept
-_MAX_ENTRIES = 20_000  # of a folder that are counted
+_FROM_OUTSIDE = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
 _ENDING_S = 20.0  # for a child that is asked to end
-_PR_SET_PDEATHSIG = 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,9 +53,12 @@ class BoxLimits:
     base_gib: float = 2.0  # GiB of memory for any asset.
     memory_ratio: float = 48.0  # Bytes of memory for each byte of the asset's files; crates are compressed.
     machine_share: float = 0.75  # The share of the machine's memory that no asset gets more than.
-    base_s: float = 35.0  # Seconds for any asset, by the clock.
-    seconds_per_mib: float = 5.0  # Seconds for each MiB of the asset's files.
+    base_cpu_s: float = 35.0  # Seconds of the processor for any asset.
+    seconds_per_mib: float = 5.0  # Seconds of the processor for each MiB of the asset's files.
+    base_s: float = 180.0  # Seconds for any asset by the clock, which runs while other work has the processor.
+    waiting_ratio: float = 5.0  # Seconds by the clock for each of the processor beyond those for any asset.
     file_gib: float = 16.0  # GiB that a file written may have.
+    text_mib: float = 64.0  # MiB that a layer of text may have: USD takes up to 50 times as much memory for it.
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
@@ -65,7 +72,10 @@ class Allowance:
 
     name: str  # of the asset; empty while it is not known
     memory_bytes: int
-    seconds: float | None  # by the clock; None for a window, which a user closes, and for pictures
+    cpu_s: float  # of the processor, by the child and what it starts
+    seconds: float  # by the clock
+    output_bytes: int  # of a file
+    until_drawing: bool  # cpu_s and seconds hold until the child starts another process, which draws
     verbose: bool
 
 
@@ -77,14 +87,17 @@ def run_in_box(words: Sequence[str], limits: BoxLimits = BoxLimits()) -> int:
     Raises:
         FoliageError: A limit that the environment states is no number above 0.
     """
-    allowed = allow("", words[0] if words else "", 0, limits)
+    likely = next(
+        (word for word in words[1:] if os.path.lexists(word)), ""
+    )  # until the child knows, as on a busy machine
+    allowed = allow(printable(likely), words[0] if words else "", 0, limits)
     report_out, report_in = os.pipe()
     noise_out, noise_in = os.pipe()
     for pipe in (report_out, noise_out):
         os.set_blocking(pipe, False)
     script = Path(__file__).parents[1] / "boxed.py"
     child = subprocess.Popen(
-        [sys.executable, str(script), str(report_in), str(noise_in), *words],
+        [sys.executable, str(script), str(os.getpid()), str(report_in), str(noise_in), *words],
         pass_fds=(report_in, noise_in),
         process_group=0,  # what it starts is ended with it, and a terminal's signals come by way of the parent
     )
@@ -103,6 +116,7 @@ def run_in_box(words: Sequence[str], limits: BoxLimits = BoxLimits()) -> int:
     if not ended and received and -child.returncode in received:  # it had no handler yet
         signal.signal(-child.returncode, signal.SIG_DFL)
         os.kill(os.getpid(), -child.returncode)
+    remove_abandoned()
     print(f"error: {ended or _explain_signal(watched.allowed, -child.returncode)}", file=sys.stderr)
     return 2
 
@@ -116,21 +130,23 @@ def allow(
         FoliageError: The environment states what is no number above 0.
     """
     machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    stated_gib, stated_s = _stated(MEMORY_VARIABLE), _stated(TIME_VARIABLE)
     memory = min(limits.base_gib * _GIB + limits.memory_ratio * size_bytes, limits.machine_share * machine)
-    seconds = limits.base_s + limits.seconds_per_mib * size_bytes / (1 << 20)
+    more_s = limits.seconds_per_mib * size_bytes / (1 << 20)
     return Allowance(
         name=name,
-        memory_bytes=int(memory if stated_gib is None else stated_gib * _GIB),
-        seconds=stated_s if stated_s is not None else None if command in _DRAWING else seconds,
+        memory_bytes=int(_stated(MEMORY_VARIABLE, memory / _GIB) * _GIB),
+        cpu_s=_stated(WORK_VARIABLE, limits.base_cpu_s + more_s),
+        seconds=_stated(TIME_VARIABLE, limits.base_s + limits.waiting_ratio * more_s),
+        output_bytes=int(_stated(OUTPUT_VARIABLE, limits.file_gib) * _GIB),
+        until_drawing=command in _DRAWING,
         verbose=verbose,
     )
 
 
-def _stated(variable: str) -> float | None:
+def _stated(variable: str, default: float) -> float:
     text = os.environ.get(variable, "").strip()
     if not text:
-        return None
+        return default
     try:
         value = float(text)
     except ValueError:
@@ -141,36 +157,26 @@ def _stated(variable: str) -> float | None:
 
 
 def announce(options: argparse.Namespace, reports: int, limits: BoxLimits = BoxLimits()) -> None:
-    """In the child: take limits for the asset that the command names, and report them to the parent."""
+    """In the child: take limits for the asset that the command names, and report them to the parent.
+
+    Raises:
+        FoliageError: A layer is so long a text that USD should not read it.
+    """
     asset: Path | None = getattr(options, "asset", None)
-    size = measure(asset) if asset is not None else 0
-    allowed = allow(printable(asset or ""), options.command, size, limits, options.verbose)
+    found = Composition(size_bytes=0) if asset is None else measure_composition(asset)
+    allowed = allow(printable(asset or ""), options.command, found.size_bytes, limits, options.verbose)
     os.write(reports, json.dumps(asdict(allowed)).encode() + b"\n")
     os.close(reports)
-    _set_limits(allowed, limits, draws=options.command in _DRAWING)
+    _set_limits(allowed)
+    most_mib = _stated(TEXT_VARIABLE, limits.text_mib)
+    if found.text_bytes > most_mib * (1 << 20):
+        raise FoliageError(
+            f"{found.text} is a layer of {found.text_bytes / (1 << 20):,.0f} MiB of text, more than {most_mib:,.0f}",
+            f"write it as .usdc; if you trust it, set {TEXT_VARIABLE} to more MiB",
+        )
 
 
-def follow_parent() -> None:
-    """In the child: end with the parent, however that ends."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-
-
-def measure(asset: Path) -> int:
-    """The bytes that the files of an asset take on the disk: its folder, or a file with what lies around it."""
-    folder = asset if asset.is_dir() else asset.parent
-    total = entries = 0
-    for place, folders, names in os.walk(folder):
-        for name in names:
-            with contextlib.suppress(OSError):
-                total += os.lstat(os.path.join(place, name)).st_blocks * 512  # noqa: PTH118
-        entries += len(names) + len(folders)
-        if entries > _MAX_ENTRIES:
-            break
-    return total
-
-
-def _set_limits(allowed: Allowance, limits: BoxLimits, draws: bool) -> None:
+def _set_limits(allowed: Allowance) -> None:
     import resource
 
     def lower(kind: int, value: int) -> None:
@@ -179,8 +185,8 @@ def _set_limits(allowed: Allowance, limits: BoxLimits, draws: bool) -> None:
         resource.setrlimit(kind, (value, value))
 
     lower(resource.RLIMIT_CORE, 0)
-    lower(resource.RLIMIT_FSIZE, int(limits.file_gib * _GIB))
-    if not draws:  # graphics drivers reserve more addresses than a machine has memory
+    lower(resource.RLIMIT_FSIZE, allowed.output_bytes)
+    if not allowed.until_drawing:  # graphics drivers reserve more addresses than a machine has memory
         threads = os.cpu_count() or 1
         lower(resource.RLIMIT_AS, allowed.memory_bytes + 4 * _GIB + threads * _GIB // 4)
 
@@ -219,6 +225,7 @@ class _Watched:
         self._process, self._reports, self._noise_pipe = process, reports, noise
         self._noise = b""
         self._started = time.monotonic()
+        self._draws = False
 
     def wait(self) -> str:
         """Wait for its end, or end it; returns why it was ended, empty where it was not."""
@@ -248,52 +255,65 @@ class _Watched:
 
     def noise_lines(self) -> list[str]:
         """What libraries printed, as far as it is kept."""
-        return [printable(line) for line in self._noise.decode(errors="surrogateescape").splitlines() if line.strip()]
+        return noise_lines(self._noise)
 
     def _read(self, pipe: int) -> bool:
         """Take what is in a pipe; False at its end."""
         try:
-            data = os.read(pipe, _MAX_NOISE_BYTES)
+            data = os.read(pipe, MAX_BYTES)
         except BlockingIOError:
             return True
         if pipe == self._noise_pipe:
-            self._noise = (self._noise + data)[-_MAX_NOISE_BYTES:]
+            self._noise = (self._noise + data)[-MAX_BYTES:]
         elif data:
             self.allowed = Allowance(**json.loads(data))
         return bool(data)
 
     def _excess(self) -> str:
         """What is above its limit, in words; empty for nothing."""
-        name, seconds = self.allowed.name or "the asset", self.allowed.seconds
-        if seconds is not None and time.monotonic() - self._started > seconds:
-            return (
-                f"{name} was not read within {seconds:.0f} s; it is damaged or larger than it seems: "
-                f"if you trust it, set {TIME_VARIABLE} to more seconds"
-            )
-        if used_bytes(self._process.pid) > self.allowed.memory_bytes:
-            gib = self.allowed.memory_bytes / _GIB
-            return (
-                f"{name} takes more than {gib:.1f} GiB of memory to read; it is damaged or larger than it seems: "
-                f"if you trust it, set {MEMORY_VARIABLE} to more GiB"
-            )
-        return ""
+        allowed, name = self.allowed, self.allowed.name or "the asset"
+        used = usage(self._process.pid)
+        self._draws |= allowed.until_drawing and used.processes > 1
+        limit = ""
+        if not self._draws and time.monotonic() - self._started > allowed.seconds:
+            limit, stated = f"{name} was not read within {allowed.seconds:.0f} s", f"{TIME_VARIABLE} to more seconds"
+        elif not self._draws and used.cpu_s > allowed.cpu_s:
+            limit = f"{name} takes more than {allowed.cpu_s:.0f} s of the processor to read"
+            stated = f"{WORK_VARIABLE} to more seconds"
+        elif used.memory_bytes > allowed.memory_bytes:
+            limit = f"{name} takes more than {allowed.memory_bytes / _GIB:.1f} GiB of memory to read"
+            stated = f"{MEMORY_VARIABLE} to more GiB"
+        return f"{limit}; it is damaged or larger than it seems: if you trust it, set {stated}" if limit else ""
 
 
-def used_bytes(pid: int) -> int:
-    """The memory of a process and of those that it started, without what files lend; 0 where it is not known."""
-    total, waiting, page = 0, [pid], os.sysconf("SC_PAGE_SIZE")
+@dataclass(frozen=True, kw_only=True)
+class Usage:
+    """What a process and those that it started have and took; nothing where that is not known."""
+
+    memory_bytes: int = 0  # without what files lend
+    cpu_s: float = 0.0
+    processes: int = 0
+
+
+def usage(pid: int) -> Usage:
+    """What a process takes, and what those take that it started."""
+    memory, ticks, processes, waiting, page = 0, 0, 0, [pid], os.sysconf("SC_PAGE_SIZE")
     while waiting:
         folder = f"/proc/{waiting.pop()}"
         try:
             with open(f"{folder}/statm", encoding="ascii") as file:  # noqa: PTH123
                 _, resident, shared, *_ = map(int, file.read().split())
-            total += max(0, resident - shared) * page
+            with open(f"{folder}/stat", "rb") as file:  # noqa: PTH123
+                fields = file.read().rpartition(b")")[2].split()  # the name before may have any bytes
+            memory += max(0, resident - shared) * page
+            ticks += sum(map(int, fields[11:15]))  # its own, and of its children that have ended
+            processes += 1
             for task in os.listdir(f"{folder}/task"):  # noqa: PTH208
                 with open(f"{folder}/task/{task}/children", encoding="ascii") as file:  # noqa: PTH123
                     waiting += map(int, file.read().split())
         except (OSError, ValueError):  # it ended meanwhile
             continue
-    return total
+    return Usage(memory_bytes=memory, cpu_s=ticks / os.sysconf("SC_CLK_TCK"), processes=processes)
 
 
 def _open_ending(pid: int) -> int | None:
@@ -315,4 +335,6 @@ def _explain_signal(allowed: Allowance, number: int) -> str:
             f"the process that read {name} was killed from outside (SIGKILL); "
             "where nobody did, the machine has too little memory"
         )
+    if number in _FROM_OUTSIDE:
+        return f"the process that read {name} was ended from outside ({called}); nothing was written: run it again"
     return f"{name} ended the process that read it ({called}); a file of it is damaged: write the asset again"
