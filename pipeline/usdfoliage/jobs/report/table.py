@@ -1,6 +1,6 @@
 """What the tables and picture strips of reports are made of."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,12 +24,6 @@ class ReportView:
 
     name: str
     file: str
-
-
-def list_seconds(seconds: Mapping[str, float]) -> list[Row]:
-    """Seconds by step and of all of them; nothing without steps."""
-    rows = [Row(name=name, value=f"{value:.2f}") for name, value in seconds.items()]
-    return [*rows, Row(name="all", value=f"{sum(seconds.values()):.2f}")] if rows else []
 
 
 @dataclass(frozen=True, kw_only=True)

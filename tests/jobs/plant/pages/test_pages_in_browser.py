@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pytest
 from usdfoliage.jobs.plant.pages.library_page import Library, LibraryPlant, write_library_page
-from usdfoliage.jobs.plant.pages.report import TaskTiming, Timings
-from usdfoliage.jobs.plant.pages.report_html import write_plant_report, write_timings
+from usdfoliage.jobs.plant.pages.report_html import write_plant_report
+from usdfoliage.jobs.report.timings import TaskTiming, Timings, write_timings
 
 from tests.support.plant_reports import flat_picture, full_report
 

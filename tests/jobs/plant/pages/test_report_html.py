@@ -20,14 +20,13 @@ from usdfoliage.jobs.plant.pages.report import (
     SettingLine,
     StageReport,
     StageSettings,
-    TaskTiming,
-    Timings,
     judge,
     mark_settings,
 )
-from usdfoliage.jobs.plant.pages.report_html import write_plant_report, write_timings
+from usdfoliage.jobs.plant.pages.report_html import write_plant_report
 from usdfoliage.jobs.report.environment import clean_text, in_bytes, link_to
 from usdfoliage.jobs.report.page_pictures import embed_picture
+from usdfoliage.jobs.report.timings import TaskTiming, Timings, write_timings
 
 from tests.support.plant_reports import Tags, flat_picture, full_report
 

@@ -127,26 +127,6 @@ class PlantReport:
             raise ValueError(f"stages must have names of their own, not twice {', '.join(sorted(twice))}")
 
 
-@dataclass(frozen=True, kw_only=True)
-class TaskTiming:
-    """How long a task, or all tasks of a stage, took."""
-
-    stage: str
-    name: str = ""  # of the task; empty for the stage as a whole
-    seconds: float
-    cached: bool = False  # its result was there from a run before
-
-
-@dataclass(frozen=True, kw_only=True)
-class Timings:
-    """How long a run took. It differs from run to run, so it is kept beside the report, not in it."""
-
-    executor: str  # in-process, 8 processes, Dask tcp://…
-    seconds: float  # of the whole run, by the clock on the wall
-    stages: Sequence[TaskTiming]
-    tasks: Sequence[TaskTiming] = ()
-
-
 def mark_settings(stage: str, settings: object, defaults: object) -> StageSettings:
     """The settings of a stage, as format_settings writes them, with what differs from the defaults marked."""
     default_values = {line.name: line.value for line in list_lines(defaults) if line.name}

@@ -1,8 +1,7 @@
-"""The quality report of a whole plant as a page, and how long it took, beside it."""
+"""The quality report of a whole plant as a page."""
 
-import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from usdfoliage.asset.publish_file import publish_text
@@ -13,16 +12,14 @@ from usdfoliage.jobs.plant.pages.report import (
     PlantReport,
     StageReport,
     State,
-    Timings,
     Variant,
     is_unusable,
     judge,
 )
-from usdfoliage.jobs.report.environment import clean_text
 from usdfoliage.jobs.report.page import render_page
 from usdfoliage.jobs.report.page_pictures import PagePicture, embed_picture
+from usdfoliage.jobs.report.timings import TIMINGS
 
-TIMINGS = "timings.js"
 TURNTABLE_PX = 640
 COMPARISON_PX = 1100
 STAGE_PX = 1000
@@ -118,18 +115,6 @@ def write_plant_report(folder: Path, report: PlantReport) -> Path:
     return index
 
 
-def write_timings(folder: Path, timings: Timings) -> Path:
-    """Write how long a run took into folder, where its report finds it; returns the file.
-
-    Raises:
-        WriteError: The file cannot be written; what was there is unchanged.
-    """
-    text = json.dumps(_cleaned(asdict(timings)), indent=1, ensure_ascii=True).replace("<", "\\u003c")
-    path = folder / TIMINGS
-    publish_text(path, f"usdfoliageTimings({text});\n")
-    return path
-
-
 def count_findings(findings: Sequence[Finding]) -> list[_Count]:
     """By severity, the worst first."""
     counts = []
@@ -160,12 +145,3 @@ def _show_comparison(comparison: Comparison) -> _ComparisonRow:
         photograph=embed_picture(comparison.photograph, COMPARISON_PX),
         drawing=embed_picture(comparison.drawing, COMPARISON_PX),
     )
-
-
-def _cleaned(value: object) -> object:
-    """The same with texts that a page can hold."""
-    if isinstance(value, dict):
-        return {key: _cleaned(inner) for key, inner in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_cleaned(inner) for inner in value]
-    return clean_text(value) if isinstance(value, str) else value
