@@ -66,6 +66,14 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 ),
                 action="Nothing, if others were withheld too.",
             ),
+            "withheld-surroundings-green": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "Photographs that were withheld have no mask, and the plant's surroundings are as green as the "
+                    "plant, as on a lawn. The asset is drawn over them and not measured by them."
+                ),
+                action="Give masks of the withheld photographs, in masks/, or look at the pictures in the report.",
+            ),
             "raw-photographs-not-used": RemarkKind(
                 severity="info",
                 meaning=(
@@ -134,6 +142,14 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 severity="info",
                 meaning="The mask cannot be read, has another size than its photograph, or is empty or full.",
                 action="Write it again, white on the plant, on the photograph's pixels.",
+            ),
+            "masks-beside-plant": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "What is green in the photographs would lie within the masks if these were all moved the same way. "
+                    "They cut off leaves, and what is beside the plant is taken for it."
+                ),
+                action='Make the masks of the same photographs again, or set `capture.mask` to `"none"`.',
             ),
             "masks-disagree": RemarkKind(
                 severity="warning",
@@ -1018,6 +1034,11 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 severity="info",
                 meaning="Some patches are no leaves any more.",
                 action="Correct the patch that the text names.",
+            ),
+            "files-left-out": RemarkKind(
+                severity="warning",
+                meaning="The asset names files outside its folder, or files that are no pictures. They are not copied.",
+                action="Put a picture into the asset's folder, name it there, and bake again.",
             ),
             "hidden-leaves-left-out": RemarkKind(
                 severity="info",

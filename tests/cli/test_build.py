@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -16,8 +17,10 @@ from usdfoliage.jobs.plant import tasks
 from usdfoliage.jobs.plant.pages.pictures import DrawnComparisons
 from usdfoliage.jobs.plant.stages import assemble
 from usdfoliage.jobs.plant.stages import report as report_stage
+from usdfoliage.jobs.plant.summary import read_summary
 
 from tests.support.leaves.captures import known_foliage
+from tools.synthetic.spoiled import SMALL, SpoilSettings, spoil_capture, write_spoiled
 from tools.synthetic_foliage import write_capture
 
 # Quick and rough, and without pictures: what is tested here is the build and not how good its parts are.
@@ -224,6 +227,23 @@ def test_only_a_stage_leaves_the_asset_alone(capture: Path, plan: Path, run: Run
     assert (folder / "capture" / capture.name / "cameras").is_dir()
 
 
+@pytest.mark.parametrize("kind", ["masks inverted", "masks shifted", "good masks"])
+def test_wrong_masks_are_seen_before_anything_is_matched(kind: str, run: Run, tmp_path: Path) -> None:
+    scene = replace(SMALL, leaves=14, views=6, width_px=240, height_px=180)
+    write_spoiled(tmp_path / "fern", spoil_capture(SpoilSettings(kind=kind, scene=scene)))
+    shutil.rmtree(tmp_path / "fern" / "depth")
+    code, out, err = run("build", tmp_path / "fern", "-o", tmp_path / "made", "--only", "poses")
+    if kind == "masks inverted":
+        assert code == 2
+        assert "seem to be inverted" in err
+        assert not (tmp_path / "made").exists()
+    else:
+        assert code == 0
+        result = Path(out.partition("result: ")[2].strip())
+        codes = {each.code for each in read_summary(result).remarks}
+        assert ("masks-beside-plant" in codes) == (kind == "masks shifted")
+
+
 def test_the_printed_plan_is_read_back_and_has_comments(run: Run, tmp_path: Path, plan: Path) -> None:
     code, out, _ = run("build", "--print-plan", "--plan", plan)
     assert code == 0
@@ -335,3 +355,14 @@ def test_pictures_that_storm_did_not_draw_are_tried_again(
 
 def test_stages_of_the_command_are_those_of_the_plan() -> None:
     assert build.STAGES == tasks.STAGES
+
+
+def test_an_asset_in_place_gets_or_loses_its_times_as_asked(
+    capture: Path, plan: Path, tmp_path: Path, run: Run
+) -> None:
+    out = tmp_path / "fern"
+    times = out / "report" / "timings.js"
+    words = ("build", capture, "-o", out, "--plan", plan)
+    for more, are_there in (((), True), (("--reproducible",), False), (("--reproducible",), False), ((), True)):
+        assert run(*words, *more)[0] == 0
+        assert times.exists() == are_there

@@ -5,9 +5,11 @@ import shutil
 import struct
 import zlib
 
+import cv2
 import numpy as np
 import pytest
 from usdfoliage.asset.locate import MAX_DEPTH
+from usdfoliage.files.library_text import library_text
 
 from tests.support.cloud_files import some_points, write_text
 from tests.support.leaves.commands import refused, run
@@ -71,7 +73,7 @@ def test_prims_too_deep_for_usd(tmp_path, capsys):
         assert "deep" in refused(capsys, command, deep)
 
 
-@pytest.mark.parametrize("name", ["a\nb", "a\tb", "a\\b", os.fsdecode(b"\xff")])
+@pytest.mark.parametrize("name", ["a\nb", "a\tb", "a\\b", "a\x9bb", os.fsdecode(b"\xff")])
 def test_names_that_usd_cannot_hold(spray, tmp_path, capsys, name):
     shutil.copytree(spray, tmp_path / name)
     assert "rename" in refused(capsys, "info", tmp_path / name)
@@ -107,3 +109,24 @@ def test_impossible_cameras_are_reported_before_anything_is_written(tmp_path, ca
     (tmp_path / "bed" / "cameras" / "cameras.txt").write_text("1 PINHOLE 128 96 0 0 64 48\n")
     assert "cameras.txt" in refused(capsys, "capture", tmp_path / "bed", "-o", tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", ["info", "validate"])
+def test_a_texture_that_is_a_link_to_nothing(tmp_path, capsys, command):
+    cv2.imwrite(str(tmp_path / "leaf.png"), np.full((8, 8, 4), 200, np.uint8))
+    assert run("scatter", "-n", 2, "--texture", tmp_path / "leaf.png", "-o", tmp_path / "spray") == 0
+    (texture,) = (tmp_path / "spray" / "maps").glob("*.png")
+    texture.unlink()
+    texture.symlink_to("nowhere.png")
+    assert run(command, tmp_path / "spray") == (3 if command == "validate" else 0)
+    streams = capsys.readouterr()
+    assert "internal fault" not in streams.err
+    assert texture.name in streams.out
+
+
+def test_a_library_that_quotes_bytes_is_heard_in_one_printable_line():
+    def quote() -> str:
+        return b"no \xff".decode()
+
+    assert library_text(quote) == ""
+    assert library_text(lambda: "a\x1b[31m\nb") == "a\\x1b[31m b"

@@ -9,6 +9,7 @@ import pytest
 
 from tests.support.capture_photos import write_posed_photos
 from tests.support.leaves.commands import run
+from tools.fuzz.hardship import obey_permissions
 
 
 def end(*words, **more):
@@ -41,24 +42,34 @@ def test_a_pipe_in_place_of_the_input(tmp_path, command):
 def test_a_folder_that_may_not_be_read(tmp_path):
     bed = tmp_path / "bed"
     write_posed_photos(bed)
-    tmp_path.chmod(0o755)
     for forbidden in (bed / "cameras", bed):
         forbidden.chmod(0)
         try:
-            ended = end("leaves", bed, "-o", "/tmp/usdfoliage-nothing", **_as_nobody(tmp_path))
+            ended = end("leaves", bed, "-o", tmp_path / "out", preexec_fn=obey_permissions)
         finally:
             forbidden.chmod(0o755)
         assert_refused(ended, forbidden.name)
+        assert not (tmp_path / "out").exists()
 
 
-def _as_nobody(folder):
-    """What makes a process one of an ordinary user."""
-    if os.getuid():
-        return {}
-    for place in [folder, *folder.parents]:
-        if not place.stat().st_mode & 0o001:
-            pytest.skip(f"{place} is closed to other users")
-    return {"user": 65534, "group": 65534, "extra_groups": []}
+@pytest.mark.parametrize("closed", ["ash", "ash/images"])
+@pytest.mark.parametrize("library", ["list.txt", "beds"])
+def test_a_plant_that_may_not_be_read_does_not_stop_the_others(tmp_path, closed, library):
+    for name in ("ash", "oak"):
+        write_posed_photos(tmp_path / "beds" / name)
+    (tmp_path / "list.txt").write_text("beds/ash\nbeds/oak\n")
+    folder = tmp_path / "beds" / closed
+    folder.chmod(0)
+    try:
+        ended = end("batch", tmp_path / library, "-o", tmp_path / "out", "--dry-run", preexec_fn=obey_permissions)
+    finally:
+        folder.chmod(0o755)
+    assert ended.returncode == 2
+    ash, oak = (next(line for line in ended.stdout.splitlines() if line.startswith(name)) for name in ("ash", "oak"))
+    assert f"error: {folder}" in ash
+    assert "its permissions do not allow it" in ash
+    assert "error" not in oak
+    assert ended.stderr == ""
 
 
 def test_an_output_in_a_circle_of_links(tmp_path):
@@ -108,6 +119,20 @@ def test_files_outside_the_asset_are_listed_and_an_error(tmp_path, spray):
     validated = end("validate", asset)
     assert validated.returncode == 3
     assert [line for line in validated.stdout.splitlines() if "PathOutside" in line and "secret.png" in line]
+
+
+def test_a_texture_that_may_not_be_read(tmp_path, spray):
+    shutil.copytree(spray, tmp_path / "spray")
+    assert run("edit", tmp_path / "spray", "--width", 2, "-o", tmp_path / "look.usda") == 0
+    maps = tmp_path / "spray" / "maps"
+    maps.chmod(0)
+    try:
+        for given in (tmp_path / "spray", tmp_path / "look.usda"):
+            ended = end("bake", given, "-o", tmp_path / "out", preexec_fn=obey_permissions)
+            assert_refused(ended, maps / "spray_leaf.png", "permissions", "<")
+            assert "anon:" not in ended.stderr
+    finally:
+        maps.chmod(0o755)
 
 
 def test_no_name_steers_a_terminal(tmp_path):

@@ -159,8 +159,8 @@ class TestBadInput:
         (theirs / "thesis.txt").write_text("years of work")
         assert "--force" in refused(capsys, "scatter", "-n", 3, "-o", theirs)
         assert files(theirs) == {"thesis.txt": b"years of work"}
-        assert run("scatter", "-n", 3, "-o", theirs, "--force") == 0
-        assert "thesis.txt" not in files(theirs)
+        assert "never replaced" in refused(capsys, "scatter", "-n", 3, "-o", theirs, "--force")
+        assert files(theirs) == {"thesis.txt": b"years of work"}
 
     def test_a_file_as_output(self, tmp_path, capsys):
         (tmp_path / "a").write_text("")

@@ -1,6 +1,7 @@
 """A build step by step, as farms run it, and as a job of Open Job Description."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -201,6 +202,23 @@ def test_openjd_makes_what_a_build_makes(folder, options):
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert digests(folder / "openjd" / "plant") == digests(folder / "built" / "plant")
+
+
+@pytest.mark.parametrize("left_kb", [0, 4, 20, 24, 32])
+def test_a_template_and_a_bundle_appear_together_or_not_at_all(folder, small_disk, capsys, left_kb):
+    with (small_disk / "filling").open("wb") as file:
+        os.posix_fallocate(file.fileno(), 0, shutil.disk_usage(small_disk).free - 1024 * left_kb - 1)
+    words = ["submit", folder / "capture", "-o", folder / "plant", "--plan", folder / "plan.toml"]
+    places = ["--template", small_disk / "jobs" / "plant.yaml", "--bundle", small_disk / "bundle"]
+    capsys.readouterr()
+    assert run(*words, *places) == 2
+    complaint = capsys.readouterr().err
+    assert complaint.startswith(f"error: {small_disk}/")
+    assert "No space left on device, 0 MB are free there; what was there is unchanged; make room there" in complaint
+    assert [path.name for path in small_disk.iterdir()] == ["filling"]
+    (small_disk / "filling").unlink()
+    assert run(*words, *places) == 0
+    assert len([path for path in small_disk.rglob("*") if path.is_file()]) == 5
 
 
 def test_submit_must_know_where_the_job_goes(folder, capsys):

@@ -6,7 +6,9 @@ from pathlib import Path
 
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.validation.studio_profile import read_profile
+from usdfoliage.capture.folder.listing import parts_of_input
 from usdfoliage.errors import FoliageError
+from usdfoliage.files.write_gate import Access, check_access
 from usdfoliage.jobs.plant.call import BuildRequest
 from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
 from usdfoliage.jobs.plant.run import build_plants
@@ -58,7 +60,9 @@ def build(
     threads: int = 0,
     scheduler: str = "",
     keep_invalid: bool = False,
+    reproducible: bool = False,
     force: bool = False,
+    keep_old: bool = False,
     progress: StepProgress | None = None,
 ) -> BuildResult:
     """Build one plant from a capture, as the command `usdfoliage build` does. A second run does only what is missing.
@@ -77,11 +81,15 @@ def build(
         threads: Threads of each task; 0 shares the cores. The result does not depend on it.
         scheduler: The address of a Dask scheduler, such as `tcp://farm:8786`, whose workers do the tasks instead.
         keep_invalid: Put an asset in its place though validation finds errors in it.
-        force: Replace a folder that is none of our assets too.
+        reproducible: Leave out how long the run took, `report/timings.js`: then equal runs give the same bytes.
+        force: Replace an asset of another name or origin too, or one whose record is lost. Files that are not the
+            asset's always stay.
+        keep_old: Keep the asset that is replaced, in a folder beside the new one that the log names.
         progress: Called with what runs and the share of all work that is done, 0 to 1.
 
     Raises:
-        FoliageError: The capture or the profile cannot be used, a stage failed, or the output cannot be written.
+        FoliageError: The capture or the profile cannot be used, a stage failed, or the output cannot be written or
+            would replace the input.
         ValueError: A number is out of its range.
         RuntimeError: A fault of usdfoliage; the text is the traceback of the task.
     """
@@ -97,9 +105,13 @@ def build(
         only=tuple(only),
         profile=None if profile is None else Path(profile).absolute(),
         force=force,
+        keep_old=keep_old,
         keep_invalid=keep_invalid,
+        reproducible=reproducible,
     )
     where = ExecutorChoice(jobs=jobs, scheduler=scheduler, threads=threads)
+    reads = (*parts_of_input(request.capture, folder), *([] if request.profile is None else [request.profile]))
+    check_access(Access(reads=reads, replaces=(folder,), fills=(request.work,)))
     show = None if progress is None else lambda _, what, share: progress(what, share)
     ((_, made),) = build_plants([request], where, show)
     if made.error:

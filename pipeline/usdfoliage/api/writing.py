@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
+from usdfoliage.asset.access import bake_access, look_access
+from usdfoliage.asset.asset_record import AssetOrigin, is_asset_folder
 from usdfoliage.asset.leaf_representations import read_representations, read_settings
 from usdfoliage.asset.looks.look import write_look_layer
 from usdfoliage.asset.packages.branch_package import write_branch_asset
@@ -21,6 +23,7 @@ from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import publish_folder
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.crown.model import CrownModel
+from usdfoliage.files.write_gate import Access, check_access
 from usdfoliage.jobs.branches.run import build_surfaces
 from usdfoliage.jobs.edits.bake import BakeRequest, bake_asset
 from usdfoliage.jobs.edits.given_pictures import check_pictures
@@ -57,6 +60,7 @@ def write_asset(
     name: str | None = None,
     version: str = "1",
     force: bool = False,
+    keep_old: bool = False,
 ) -> WrittenAsset:
     """Write an asset of one part or of several. It appears whole or not at all; an asset that was there is replaced.
 
@@ -77,7 +81,9 @@ def write_asset(
         provenance: What made the models, such as AssetModels.provenance; without it an empty record of this version.
         name: The name of the root prim; by default that of the folder, made an identifier.
         version: The asset's version, for its assetInfo.
-        force: Replace a folder that is none of our assets too.
+        force: Replace an asset of another name or origin too, or one whose record is lost. Files that are not the
+            asset's always stay.
+        keep_old: Keep the asset that is replaced, in a folder beside the new one that the log names.
 
     Returns:
         The asset, and remarks on branches that its surface could not take in.
@@ -87,12 +93,14 @@ def write_asset(
             not fit each other.
         CaptureError: A picture of the appearance cannot be used.
         FoliageError: There is no such representation.
-        AssetError: The output is a file or somebody else's folder, or cannot be written. What was there is unchanged.
+        AssetError: The output is a file or somebody else's folder, holds a picture that is read, or cannot be written.
+            What was there is unchanged.
     """
     if leaves is None and skeleton is None and crown is None:
         raise ValueError("an asset has leaves, branches or a crown, and none of them was given")
     check_pictures(appearance.texture, appearance.jitter_map)
     folder = Path(output)
+    check_access(_access_of_pictures(appearance, folder))
     root = asset_name(name or folder.resolve().name)
     record = provenance or Provenance(capture="", generator=f"usdfoliage {__version__}", seed=0, input_sha256="")
     matrix = asset_from_capture
@@ -103,7 +111,8 @@ def write_asset(
     if leaves is not None:
         foliage = BranchLeaves(leaves=leaves, settings=settings, edits=edits, appearance=appearance)
     remarks: list[Remark] = []
-    with publish_folder(folder, force=force) as new:
+    origin = AssetOrigin(name=root, command="write_asset")
+    with publish_folder(folder, force=force, origin=origin, keep_old=keep_old) as new:
         if crown is not None:
             branches = None
             if skeleton is not None:
@@ -133,6 +142,13 @@ def write_asset(
     return WrittenAsset(asset=folder / interface.name, remarks=tuple(remarks))
 
 
+def _access_of_pictures(appearance: LeafAppearance, folder: Path) -> Access:
+    """Pictures of the asset that is replaced come along; whose else lie there stay, and are no asset's pictures."""
+    pictures = tuple(each for each in (appearance.texture, appearance.jitter_map) if each is not None)
+    keeps = pictures if folder.is_dir() and is_asset_folder(folder) else ()
+    return Access(reads=pictures, replaces=(folder,), keeps=keeps)
+
+
 def write_look(
     path: str | Path,
     asset: str | Path,
@@ -157,12 +173,13 @@ def write_look(
         path.
 
     Raises:
-        AssetError: The asset cannot be read or has no leaves; path is no `.usda`, lies in the asset's folder, is
-            somebody else's file, or cannot be written.
+        AssetError: The asset cannot be read or has no leaves; path is no `.usda`, lies in an asset's folder, is read
+            itself, is somebody else's file, or cannot be written.
         CaptureError: The jitter map cannot be used.
     """
     wave = None if jitter_map is None else Path(jitter_map)
     check_pictures(None, wave)
+    check_access(look_access(Path(path), Path(asset), wave))
     return write_look_layer(Path(path), Path(asset), edits, wave, prim_path, force=force)
 
 
@@ -175,6 +192,7 @@ def bake(
     resolution: tuple[int, int] | None = None,
     source: str = "bezier",
     force: bool = False,
+    keep_old: bool = False,
     progress: StepProgress | None = None,
 ) -> WrittenAsset:
     """Write an asset whose leaves are as the edits of another, or of a look, make them.
@@ -186,15 +204,17 @@ def bake(
         representations: Those of the leaves, `bezier` always among them; by default those that the asset has.
         resolution: Cells of a leaf of the mesh, across (an even number) and along; by default (8, 16).
         source: The representation that is read: `bezier`, or `nurbs` to fit leaves to patches that somebody changed.
-        force: Replace a folder that is none of our assets too.
+        force: Replace an asset of another name or origin too, or one whose record is lost. Files that are not the
+            asset's always stay.
+        keep_old: Keep the asset that is replaced, in a folder beside the new one that the log names.
         progress: Called with the name of the step and its share that is done, 0 to 1.
 
     Returns:
         The new asset, and remarks on what it lacks or could not take over.
 
     Raises:
-        FoliageError: The asset cannot be read or has no leaves, an argument cannot be, or the output cannot be written.
-            What was there is unchanged.
+        FoliageError: The asset cannot be read or has no leaves, an argument cannot be, or the output cannot be written
+            or would replace what is read. What was there is unchanged.
     """
     chosen = None if representations is None else read_representations(representations)
     read_settings(chosen or ("bezier",), resolution)
@@ -206,6 +226,8 @@ def bake(
         resolution=resolution,
         source=source,
         force=force,
+        keep_old=keep_old,
     )
+    check_access(bake_access(request.asset, request.output))
     baked = bake_asset(request, progress)
     return WrittenAsset(asset=baked.asset, remarks=baked.remarks)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.options.leaf_commands import add_representation, add_resolution, add_writing
+from usdfoliage.files.write_gate import Access
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,6 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     run_options = parser.add_argument_group("this run")
     add_writing(run_options)
     add_json(run_options)
+
+
+def declare(options: argparse.Namespace) -> Access:
+    from usdfoliage.asset.access import bake_access
+
+    return bake_access(options.asset, options.output)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -19,9 +19,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from usdfoliage.cli.json_output import add_json
+from usdfoliage.cli.options.access import given
 from usdfoliage.cli.options.build import add_ending, add_plan, add_where, add_work
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.files.printable import printable
+from usdfoliage.files.write_gate import Access
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.call import BuildRequest
@@ -51,6 +53,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_where(run_options)
     add_ending(run_options)
     add_json(run_options)
+
+
+def declare(options: argparse.Namespace) -> Access:
+    from usdfoliage.capture.folder.listing import parts_of_input
+    from usdfoliage.files.write_gate import join_access
+    from usdfoliage.jobs.plant.library import read_library
+    from usdfoliage.jobs.plant.work_folder import find_work_folder
+
+    work = find_work_folder(options.work, options.output / "plant")
+    plants = [
+        Access(
+            reads=(*parts_of_input(entry.capture, options.output / entry.name), *given(entry.plan)),
+            replaces=(options.output / entry.name,),
+            fills=(work,),
+        )
+        for entry in read_library(options.list).entries
+    ]
+    own = given(None if options.list.is_dir() else options.list, options.plan, options.profile)
+    return join_access([Access(reads=own), *plants])
 
 
 def run(options: argparse.Namespace) -> int:
@@ -144,7 +165,7 @@ def _read_requests(
 
     settings = read_settings(options)  # once: a fault in it is one of all plants
     first = read_request(options, listed.entries[0].capture, options.output / "plant", None)
-    requests, failed = [], []
+    requests, failed, folder = [], [], options.output.absolute()
     for entry in listed.entries:
         try:
             own = settings
@@ -154,7 +175,7 @@ def _read_requests(
         except FoliageError as error:
             failed.append(describe_failed(entry.name, entry.capture.name, explain_entry(entry, error)))
             continue
-        output = options.output.absolute() / entry.name
+        output = folder / entry.name
         requests.append(replace(first, capture=entry.capture.absolute(), output=output, name=entry.name, settings=own))
     return requests, failed
 

@@ -12,16 +12,19 @@ import argparse
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
+from usdfoliage.cli.options.access import given
 from usdfoliage.cli.options.cloud import add_cloud, add_cloud_leaves
 from usdfoliage.cli.options.leaf_commands import (
     add_no_preview,
     add_output,
     add_representation,
+    add_reproducible,
     add_resolution,
     add_seed,
     add_writing,
 )
 from usdfoliage.cli.options.setting_help import state_default
+from usdfoliage.files.write_gate import Access
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     run_options = parser.add_argument_group("this run")
     add_seed(run_options, BranchesRequest.seed, 62)
     add_no_preview(run_options)
+    add_reproducible(run_options)
     add_writing(run_options)
     add_json(run_options)
 
@@ -177,6 +181,17 @@ def _add_motion(parser: argparse._ActionsContainer) -> None:
         type=int,
         help="Write the growth of the plant in so many frames, 2 or more, in the variant growth=growing.",
     )
+
+
+def declare(options: argparse.Namespace) -> Access:
+    from usdfoliage.capture.folder.listing import parts_of_input
+
+    reads = (*parts_of_input(options.cloud, options.output), *given(options.species_file))
+    if options.leaves is not None:
+        from usdfoliage.asset.access import find_asset
+
+        reads += find_asset(options.leaves).reads
+    return Access(reads=reads, replaces=(options.output,))
 
 
 def run(options: argparse.Namespace) -> int:

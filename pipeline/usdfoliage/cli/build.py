@@ -18,9 +18,11 @@ import sys
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
+from usdfoliage.cli.options.access import declare_build
 from usdfoliage.cli.options.build import add_ending, add_plan, add_where, add_work
 from usdfoliage.cli.options.leaf_commands import add_name
 from usdfoliage.cli.remarks import render_for
+from usdfoliage.files.write_gate import Access
 
 logger = logging.getLogger(__name__)
 
@@ -62,6 +64,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="Print every setting of every stage with its meaning, as TOML, and stop.",
     )
     add_json(output)
+
+
+def declare(options: argparse.Namespace) -> Access:
+    return declare_build(options)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -16,8 +16,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from usdfoliage.cli.json_output import add_json
+from usdfoliage.cli.options.access import given, parts_of_capture
 from usdfoliage.cli.options.leaf_commands import (
     add_report_views,
+    add_reproducible,
     add_seed,
     add_settings_file,
     add_threads,
@@ -25,6 +27,7 @@ from usdfoliage.cli.options.leaf_commands import (
     add_writing,
 )
 from usdfoliage.cli.options.setting_help import describe_setting
+from usdfoliage.files.write_gate import Access
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.capture.run import MadeCapture
@@ -72,7 +75,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_report_views(run_options, CaptureRequest.report_views)
     run_options.add_argument("--no-report", action="store_true", help="Write no report.")
-    add_writing(run_options)
+    add_reproducible(run_options)
+    add_writing(run_options, of_asset=False)
     add_json(run_options)
 
 
@@ -116,6 +120,21 @@ def _add_poses(parser: argparse._ActionsContainer, settings: "CaptureRunSettings
         choices=("auto", "exhaustive", "sequential", "retrieval"),
         help=describe_setting(estimation, "matching"),
     )
+
+
+def declare(options: argparse.Namespace) -> Access:
+    from usdfoliage.capture.folder.listing import IMAGES
+    from usdfoliage.jobs.capture.find_photographs import is_same_file
+    from usdfoliage.jobs.capture.results import written_names
+
+    folder = options.output or options.source
+    if options.source is None or folder is None:
+        return Access()
+    is_capture = (options.source / IMAGES).is_dir()
+    if not is_capture and (options.output is None or is_same_file(options.source, folder)):
+        return Access()  # it has no place for results, which the command reports
+    replaced = tuple(folder / name for name in written_names())
+    return Access(reads=(*given(options.settings), *parts_of_capture(options.source)), replaces=replaced)
 
 
 def run(options: argparse.Namespace) -> int:

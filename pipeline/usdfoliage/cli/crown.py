@@ -17,15 +17,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from usdfoliage.cli.json_output import add_json
+from usdfoliage.cli.options.access import given
 from usdfoliage.cli.options.cloud import add_cloud
 from usdfoliage.cli.options.leaf_commands import (
     add_no_preview,
     add_output,
     add_report_views,
+    add_reproducible,
     add_seed,
     add_threads,
     add_writing,
 )
+from usdfoliage.files.write_gate import Access
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.crown.written import WrittenCrown
@@ -72,6 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_seed(run_options, CrownSettings.seed)
     add_threads(run_options, CrownSettings.threads)
     add_no_preview(run_options)
+    add_reproducible(run_options)
     add_writing(run_options)
     add_json(run_options)
 
@@ -128,6 +132,18 @@ def _add_photo_options(parser: argparse._ActionsContainer) -> None:
         metavar="NAME",
         help="The photograph has this colour space. The default is the one that the file states, or else sRGB, and "
         "linear for floating-point files.",
+    )
+
+
+def declare(options: argparse.Namespace) -> Access:
+    from usdfoliage.capture.folder.listing import parts_of_input
+
+    kept = given(options.mask)  # of one in OUT the asset gets a copy, as of a proposal that was corrected
+    kept = kept if kept and kept[0].name.endswith("_mask_proposal.png") else ()
+    return Access(
+        reads=(*parts_of_input(options.photo, options.output), *given(options.mask)),
+        replaces=(options.output,),
+        keeps=kept,
     )
 
 

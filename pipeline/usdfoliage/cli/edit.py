@@ -17,6 +17,7 @@ from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.options.leaf_commands import accept_negative_numbers, add_jitter_map, add_writing
+from usdfoliage.files.write_gate import Access
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     _add_edits(parser.add_argument_group("edits, in leaf lengths"))
     run_options = parser.add_argument_group("this run")
-    add_writing(run_options)
+    add_writing(run_options, of_asset=False)
     add_json(run_options)
 
 
@@ -99,6 +100,12 @@ def _add_edits(edits: argparse._ActionsContainer) -> None:
         help="The silhouette becomes a wave of amplitude A with F cycles from base to apex. A = 0 removes it.",
     )
     add_jitter_map(edits)
+
+
+def declare(options: argparse.Namespace) -> Access:
+    from usdfoliage.asset.access import look_access
+
+    return look_access(options.output, options.asset, options.jitter_map)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -12,6 +12,8 @@ import os
 import shlex
 from collections.abc import Callable, Mapping
 
+from usdfoliage.files.write_gate import Access
+
 SHELLS = ("sh", "csh", "powershell", "json")
 
 
@@ -22,6 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=SHELLS[0],
         help="The lines are in the syntax of this shell; the default is %(default)s.",
     )
+
+
+def declare(options: argparse.Namespace) -> Access:
+    return Access()  # it reads no file of the user, and writes none
 
 
 def run(options: argparse.Namespace) -> int:

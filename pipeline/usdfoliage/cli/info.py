@@ -4,6 +4,9 @@ import argparse
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
+from usdfoliage.cli.options.access import reads_alone
+from usdfoliage.files.printable import printable_json
+from usdfoliage.files.write_gate import Access
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -13,6 +16,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_json(parser.add_argument_group("printed output"))
 
 
+def declare(options: argparse.Namespace) -> Access:
+    return reads_alone(options.asset)
+
+
 def run(options: argparse.Namespace) -> int:
     import json
     from dataclasses import asdict
@@ -20,5 +27,8 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.jobs.info import describe_asset, format_info
 
     info = describe_asset(options.asset)
-    print(json.dumps(asdict(info), indent=2, ensure_ascii=False) if options.json else format_info(info))
+    if options.json:
+        print(printable_json(json.dumps(asdict(info), indent=2, ensure_ascii=False)))
+    else:
+        print(format_info(info))
     return 0

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from usdfoliage.files.printable import printable_json
 from usdfoliage.remarks import Remark
 
 if TYPE_CHECKING:
@@ -47,4 +48,4 @@ def list_made(
 
 def format_json(content: Mapping[str, object]) -> str:
     """One JSON object as text."""
-    return json.dumps(content, indent=2, ensure_ascii=False)
+    return printable_json(json.dumps(content, indent=2, ensure_ascii=False))

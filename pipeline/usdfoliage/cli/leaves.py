@@ -15,6 +15,7 @@ import argparse
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
+from usdfoliage.cli.options.access import given
 from usdfoliage.cli.options.cloud import add_orientation
 from usdfoliage.cli.options.leaf_commands import (
     add_hold_back,
@@ -22,6 +23,7 @@ from usdfoliage.cli.options.leaf_commands import (
     add_no_preview,
     add_report_views,
     add_representation,
+    add_reproducible,
     add_seed,
     add_settings_file,
     add_threads,
@@ -29,6 +31,7 @@ from usdfoliage.cli.options.leaf_commands import (
     add_writing,
 )
 from usdfoliage.cli.options.setting_help import describe_setting
+from usdfoliage.files.write_gate import Access
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,8 +80,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_threads(run_options, settings.threads, is_setting=True)
     add_report_views(run_options, LeavesRequest.report_views)
     add_no_preview(run_options)
+    add_reproducible(run_options)
     add_writing(run_options)
     add_json(run_options)
+
+
+def declare(options: argparse.Namespace) -> Access:
+    from usdfoliage.capture.folder.listing import parts_of_input
+
+    reads = (*parts_of_input(options.capture, options.output), *given(options.settings))
+    return Access(reads=reads, replaces=given(options.output))
 
 
 def run(options: argparse.Namespace) -> int:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from usdfoliage.cli.options.setting_help import state_default
+from usdfoliage.files.write_gate import Access
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -99,10 +100,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def declare(options: argparse.Namespace) -> Access:
+    from usdfoliage.asset.access import find_asset, refuse_in_asset
+
+    outputs = [options.output]
+    if options.turntable is not None and options.turntable >= 2:
+        from usdfoliage.jobs.preview.pictures import turntable_frames
+
+        outputs += turntable_frames(options.output, options.turntable)
+    for output in outputs:
+        refuse_in_asset(output)
+    return Access(reads=(*find_asset(options.asset).reads, *options.mute), replaces=tuple(outputs))
+
+
 def run(options: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from usdfoliage.asset.locate import find_interface
+    from usdfoliage.asset.looks.look import try_composing
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.errors import PreviewError
     from usdfoliage.jobs.preview.pictures import (
@@ -134,6 +149,7 @@ def run(options: argparse.Namespace) -> int:
     except ValueError as error:
         raise PreviewError(str(error)) from error
     usd_file = find_interface(options.asset)
+    try_composing(usd_file)  # with limits, which the preview's interpreter has not
     with tqdm(total=options.turntable or 1, desc="preview", unit="frame", leave=False, disable=None) as bar:
 
         def progress(done: int, total: int) -> None:

@@ -93,7 +93,11 @@ COMMANDS: Mapping[str, CommandOptions] = {
     "scatter": CommandOptions(options={"plant.representations": "--representation"}),
 }
 
-OF_A_RUN = {"output": "-o", "force": "--force"}  # what every command that writes takes, by the name of the argument
+OF_A_RUN = {
+    "output": "-o",
+    "force": "--force",
+    "keep_old": "--keep-old",
+}  # what every command that writes takes, by the name of the argument
 
 
 def render_for(command: str) -> RenderSetting:

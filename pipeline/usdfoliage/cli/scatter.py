@@ -10,6 +10,7 @@ import argparse
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
+from usdfoliage.cli.options.access import given
 from usdfoliage.cli.options.leaf_commands import (
     add_jitter_map,
     add_output,
@@ -19,6 +20,7 @@ from usdfoliage.cli.options.leaf_commands import (
     add_writing,
 )
 from usdfoliage.cli.options.setting_help import state_default
+from usdfoliage.files.write_gate import Access
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,6 +74,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     run_options = parser.add_argument_group("this run")
     add_writing(run_options)
     add_json(run_options)
+
+
+def declare(options: argparse.Namespace) -> Access:
+    return Access(reads=given(options.texture, options.jitter_map), replaces=(options.output,))
 
 
 def run(options: argparse.Namespace) -> int:

@@ -13,11 +13,15 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from usdfoliage.cli.options.access import given
 from usdfoliage.cli.options.build import add_plan, add_publishing, add_work
 from usdfoliage.cli.options.leaf_commands import add_threads
+from usdfoliage.files.write_gate import Access
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.farm_job import JobParameter
+
+FLAGS = ("--keep-invalid", "--reproducible", "--force", "--keep-old")  # of the last step
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -79,12 +83,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_publishing(parser.add_argument_group("the last step"))
 
 
+def declare(options: argparse.Namespace) -> Access:
+    from usdfoliage.asset.access import refuse_in_asset
+    from usdfoliage.jobs.plant.openjd_template import values_file
+
+    outputs = [] if options.template is None else [options.template, values_file(options.template)]
+    for output in outputs:
+        refuse_in_asset(output)
+    reads = given(options.capture, options.plan, options.profile)
+    return Access(reads=reads, replaces=tuple(outputs), fills=given(options.bundle))
+
+
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.options.build import read_request
     from usdfoliage.errors import FoliageError
     from usdfoliage.jobs.plant.farm_job import FarmJob
     from usdfoliage.jobs.plant.farm_steps import list_steps
-    from usdfoliage.jobs.plant.openjd_template import write_bundle, write_template
+    from usdfoliage.jobs.plant.openjd_template import values_file, write_job
     from usdfoliage.jobs.plant.run import plan_plant
 
     if options.template is None and options.bundle is None:
@@ -99,7 +114,7 @@ def run(options: argparse.Namespace) -> int:
             name=request.name,
             steps=steps,
             parameters=_parameters(options, request.name, request.work),
-            flags=[flag for flag in ("--keep-invalid", "--force") if getattr(options, flag[2:].replace("-", "_"))],
+            flags=[flag for flag in FLAGS if getattr(options, flag[2:].replace("-", "_"))],
             executable=options.executable,
             cores=options.cores,
             memory_mib=options.memory_mib,
@@ -107,11 +122,10 @@ def run(options: argparse.Namespace) -> int:
         )
     except ValueError as error:
         raise FoliageError(f"--{error}") from error
+    write_job(job, template=options.template, bundle=options.bundle, force=options.force)
     if options.template is not None:
-        values = write_template(options.template, job, force=options.force)
-        print(f"template: {options.template}\nparameters: {values}")
+        print(f"template: {options.template}\nparameters: {values_file(options.template)}")
     if options.bundle is not None:
-        write_bundle(options.bundle, job, force=options.force)
         print(f"bundle: {options.bundle}")
     tasks = sum(step.chunks for step in steps)
     seconds = sum(step.estimate_s * step.chunks for step in steps)

@@ -16,8 +16,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from usdfoliage.cli.options.access import declare_build
 from usdfoliage.cli.options.build import add_plan, add_publishing, add_work
 from usdfoliage.cli.options.leaf_commands import add_output, add_threads
+from usdfoliage.files.write_gate import Access
 
 if TYPE_CHECKING:
     from usdfoliage.cli.openjd_lines import OpenjdLines
@@ -81,6 +83,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument(
         "--openjd", action="store_true", help="Print progress and errors as lines of Open Job Description."
     )
+
+
+def declare(options: argparse.Namespace) -> Access:
+    return declare_build(options)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -17,7 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from usdfoliage.cli.json_output import add_json
-from usdfoliage.files.printable import printable
+from usdfoliage.cli.options.access import reads_alone
+from usdfoliage.files.printable import printable, printable_json
+from usdfoliage.files.write_gate import Access
 
 if TYPE_CHECKING:
     from usdfoliage.asset.validation.findings import Finding
@@ -42,6 +44,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "usdfoliage.",
     )
     add_json(parser.add_argument_group("printed output"))
+
+
+def declare(options: argparse.Namespace) -> Access:
+    return reads_alone(options.asset, options.profile)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -95,4 +101,4 @@ def _as_json(report: "ValidationReport") -> str:
         "usdValidationNvidia": report.nvidia or None,
         "findings": [asdict(finding) for finding in report.findings],
     }
-    return json.dumps(content, indent=2, ensure_ascii=False)
+    return printable_json(json.dumps(content, indent=2, ensure_ascii=False))

@@ -13,6 +13,9 @@ import argparse
 import sys
 from pathlib import Path
 
+from usdfoliage.cli.options.access import reads_alone
+from usdfoliage.files.write_gate import Access
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from usdfoliage.jobs.preview.viewer import ViewerSettings
@@ -49,6 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     # usdview's plug-in asks what the window asks: the average leaf, and to write looks.
     parser.add_argument("--answer", action="store_true", help=argparse.SUPPRESS)
+
+
+def declare(options: argparse.Namespace) -> Access:
+    return reads_alone(options.asset, options.capture, options.script)  # the window asks where to write
 
 
 def run(options: argparse.Namespace) -> int:

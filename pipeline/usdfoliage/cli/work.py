@@ -14,6 +14,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from usdfoliage.files.write_gate import Access
 from usdfoliage.jobs.plant.work_folder import BESIDE_ASSET, WORK_VARIABLE
 
 if TYPE_CHECKING:
@@ -41,6 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DAYS",
         help="Results that were used in so many days stay, 0 or more; the default is %(default)g.",
     )
+
+
+def declare(options: argparse.Namespace) -> Access:
+    return Access()  # it removes results of builds from their own folder, and nothing else
 
 
 def run(options: argparse.Namespace) -> int:

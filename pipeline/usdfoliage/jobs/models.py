@@ -11,6 +11,7 @@ from usdfoliage.asset.locate import find_leaves, select_representation
 from usdfoliage.asset.look_layer import BEZIER, LOD, select_lod
 from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.asset.materials.cubemap_exr import read_cubemap
+from usdfoliage.asset.own_files import own_folders
 from usdfoliage.asset.packages.contents import (
     find_branches,
     find_crown,
@@ -26,7 +27,7 @@ from usdfoliage.asset.packages.contents import (
 from usdfoliage.asset.packed_files import unpacked
 from usdfoliage.asset.parts.branches import SurfaceMesh, read_branches, read_skeleton
 from usdfoliage.asset.parts.leaf_part import LeafAppearance
-from usdfoliage.asset.parts.leaf_primvars import place
+from usdfoliage.asset.parts.leaf_primvars import describe_unfound, place
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.branch.model import Skeleton
@@ -75,7 +76,7 @@ def read_models(asset: Path) -> AssetModels:
             bezier; an array or a cubemap is missing or damaged; a transform shears the leaves, or moves the skeleton
             or the crown within the plant.
     """
-    interface, _ = interface_of(asset)
+    interface, look = interface_of(asset)
     stage = open_asset(asset)
     plant = require_plant(stage, asset)
     facts = read_plant_facts(plant, interface)
@@ -86,6 +87,10 @@ def read_models(asset: Path) -> AssetModels:
         select_representation(stage, BEZIER)
     prims = find_leaves(stage)
     read = read_leaves(prims[0]) if prims else None
+    appearance = LeafAppearance()
+    if read is not None:
+        folders = own_folders(interface, None if look is None else look.path, prims[0])
+        appearance = read_leaf_appearance(prims[0], read.jitter_map, folders)
     return AssetModels(
         interface=interface,
         name=facts.name,
@@ -93,7 +98,7 @@ def read_models(asset: Path) -> AssetModels:
         provenance=facts.provenance,
         leaves=None if read is None else move_leaves(read.leaves, matrix_in_plant(prims[0], plant)),
         edits=NEUTRAL if read is None else read.edits,
-        appearance=LeafAppearance() if read is None else read_leaf_appearance(prims[0], read.jitter_map),
+        appearance=appearance,
         skeleton=None if skeleton is None else read_skeleton(_unmoved(skeleton, plant)),
         crown=None if crown is None else read_crown(_unmoved(crown, plant), facts.asset_from_capture),
     )
@@ -123,8 +128,9 @@ def read_crown(prim: Usd.Prim, asset_from_photo: NDArray[np.float64]) -> CrownMo
     """
     facts = read_crown_facts(prim)
     if facts.radius_map is None or facts.color_map is None:
-        what = "radius" if facts.radius_map is None else "colour"
-        raise AssetError(f"the {what} map of the crown is missing ({place(prim)})", "write the asset again")
+        what, name = ("radius", "radiusMap") if facts.radius_map is None else ("colour", "colorMap")
+        map_attribute = prim.GetAttribute(f"foliage:crown:{name}")
+        raise describe_unfound(f"{what} map of the crown", map_attribute, "write the asset again")
     with unpacked(facts.radius_map) as file:
         radius_m = np.asarray(read_cubemap(file).pixels, np.float32)
     with unpacked(facts.color_map) as file:

@@ -174,5 +174,5 @@ def test_the_leaves_asset_is_not_replaced(tmp_path, capsys):
     before = sorted(path.name for path in (tmp_path / "spray").iterdir())
     words = ("--leaves", tmp_path / "spray")
     assert run("branches", tmp_path / "no cloud.ply", "-o", tmp_path / "spray", *words) == 2
-    assert "would lose them" in capsys.readouterr().err
+    assert "spray, which would be replaced" in capsys.readouterr().err
     assert sorted(path.name for path in (tmp_path / "spray").iterdir()) == before

@@ -94,8 +94,11 @@ def test_a_dry_run_writes_nothing(tmp_path, rng, capsys):
 
 def test_a_dry_run_refuses_what_a_run_refuses(tmp_path, rng, capsys):
     cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
+    output = tmp_path / "notes"
+    output.mkdir()
+    (output / "notes.txt").write_text("mine")
     for words in (["--dry-run"], []):
-        assert main(["branches", str(cloud), "-o", str(tmp_path), *words]) == 2
+        assert main(["branches", str(cloud), "-o", str(output), *words]) == 2
         assert "a folder with other things than one asset" in capsys.readouterr().err
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from usdfoliage.branch.photographs.joining import StemPiece
+from usdfoliage.branch.photographs.joined import StemPiece
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
 from usdfoliage.branch.tracing.roots import RootSettings
 from usdfoliage.jobs.branches.known_stems import KnownStems, describe_known_stems
@@ -158,5 +158,8 @@ def test_figures_of_such_stems_are_none_of_the_trace_of_the_cloud(tmp_path):
     assert found.stems is stems
     assert not [row for row in found.rows if "circles" in row.remark]
     assert "cloud-leaves-left-out" not in {each.code for each in found.remarks}
+    # A stem without side branches shows no internode; that of the trace is none of it.
+    assert "internodeLength" not in found.made.skeleton.growth
+    assert not [row for row in found.rows if row.name == "internode"]
     of_cloud = find_branches(replace(request, needs_stems=False), None, {})
     assert [row for row in of_cloud.rows if "circles" in row.remark]

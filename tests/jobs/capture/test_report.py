@@ -1,6 +1,7 @@
 """The report of a capture: remarks first, everything named, nothing that is not there."""
 
 import errno
+import json
 import os
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -32,6 +33,7 @@ from usdfoliage.jobs.capture.report import (
     write_capture_report,
 )
 from usdfoliage.jobs.report.pictures import TURBO, color_values
+from usdfoliage.jobs.report.timings import TIMINGS
 from usdfoliage.remarks import remark
 
 from tests.support.captures import LENS, look_at, ring, sphere_depth
@@ -52,14 +54,14 @@ class Page(HTMLParser):
         super().__init__()
         self.open: list[str] = []
         self.files: set[str] = set()
-        self.tags: set[str] = set()
+        self.scripts = 0
         self.texts: list[str] = []
         self.feed(text)
         if self.open:
             raise ValueError(f"{self.open} are not closed")
 
     def handle_starttag(self, tag, attributes):
-        self.tags.add(tag)
+        self.scripts += tag == "script"
         self.files |= {value for name, value in attributes if name in ("src", "href")}
         if tag not in VOID:
             self.open.append(tag)
@@ -158,7 +160,9 @@ def write(folder: Path, report: CaptureReport) -> Page:
     written = write_capture_report(folder, report)
     assert written.page == folder / "index.html"
     parsed = Page(written.page.read_text(encoding="utf-8"))
-    assert parsed.files == {path.name for path in folder.iterdir()} - {"index.html"}  # no more, no less
+    names = {path.name for path in folder.iterdir()}
+    assert (TIMINGS in names) == bool(report.seconds)
+    assert parsed.files == (names | {TIMINGS}) - {"index.html"}  # no more, no less
     for_plant = [(picture.file, picture.caption) for picture in written.pictures]
     sides = ("front", "right", "top") if len(report.cloud) else ()
     assert for_plant == [(f"cloud_{side}_colour.jpg", f"The cloud, {side}") for side in sides]
@@ -176,7 +180,9 @@ def test_a_report_of_given_poses(tmp_path):
     assert "Reprojection errors" not in page.text
     assert "given" in page.text
     assert "quality normal" in page.text
-    assert "all 3.00 s" in page.text
+    times = (tmp_path / "report" / TIMINGS).read_text()
+    written = json.loads(times.removeprefix("usdfoliageTimings(").removesuffix(");\n"))
+    assert (written["seconds"], [row["stage"] for row in written["stages"]]) == (3.0, ["depth", "cloud"])
     for name in ("cloud_front_colour.jpg", "cloud_top_views.jpg", "view_003_normals.jpg", "plan.jpg", "shared.png"):
         picture = cv2.imread(str(tmp_path / "report" / name))
         assert picture is not None
@@ -204,7 +210,7 @@ def test_what_photographs_are_called_is_no_markup(tmp_path):
         remarks=[remark("views-without-mask", '"><script>')],
     )
     page = write(tmp_path, report)
-    assert "script" not in page.tags
+    assert page.scripts == write(tmp_path / "tame", some_report()).scripts == 2
     assert "<script>alert(1)</script>.jpg" in page.text
     assert "a & b" in page.text
 

@@ -25,7 +25,6 @@ from usdfoliage.jobs.capture.maps import ViewMaps
 from usdfoliage.jobs.capture.run import size_cells
 from usdfoliage.jobs.work.keys import task_key
 from usdfoliage.jobs.work.results import (
-    describe_unwritten,
     forget,
     has_result,
     lock_work,
@@ -108,7 +107,13 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
         write_whole(tmp_path / "a", b"new")
     assert (tmp_path / "a").read_bytes() == b"old"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "file"]
-    assert "put that right" in str(describe_unwritten(tmp_path, OSError(13, "Permission denied")))
+
+
+def test_a_full_disk_is_not_reported_for_the_lock(tmp_path, small_disk):
+    with (small_disk / "filling").open("wb") as file:
+        os.posix_fallocate(file.fileno(), 0, shutil.disk_usage(small_disk).free)
+    with pytest.raises(WriteError, match="a was not written: No space left"), lock_work(small_disk):
+        write_whole(small_disk / "a", b"new")
 
 
 def test_only_one_run_has_the_work_folder(tmp_path):

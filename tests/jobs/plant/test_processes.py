@@ -44,3 +44,29 @@ def test_an_interrupt_waits_until_a_process_has_started(tmp_path: Path) -> None:
     ended = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60, check=True)
     assert ended.stdout.strip() == "interrupted"
     assert "Traceback" not in ended.stderr
+
+
+TRACKER = """
+import os
+import signal
+import time
+
+from usdfoliage.jobs.plant.processes import open_processes
+
+if __name__ == "__main__":
+    from multiprocessing.resource_tracker import _resource_tracker as tracker
+    for _ in range(2):
+        with open_processes(1) as workers:
+            executor = workers.open_executor()
+            os.kill(tracker._pid, signal.SIGKILL)
+            time.sleep(0.5)
+            print(executor.submit(abs, -7).result())
+"""
+
+
+def test_a_helper_of_multiprocessing_that_is_killed_is_no_matter(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(TRACKER)
+    ended = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120, check=True)
+    assert ended.stdout.split() == ["7", "7"]
+    assert "resource_tracker: process died" not in ended.stderr

@@ -233,16 +233,6 @@ def test_png_keeps_every_pixel():
     np.testing.assert_array_equal(cv2.cvtColor(back, cv2.COLOR_BGRA2RGBA), picture)
 
 
-def test_pictures_are_put_in_place_together_or_not_at_all(tmp_path):
-    first, second = tmp_path / "a.png", tmp_path / "taken" / "b.png"
-    first.write_bytes(b"old")
-    (tmp_path / "taken").write_bytes(b"a file where a folder is needed")
-    with pytest.raises(PreviewError, match="cannot write the picture"):
-        preview._write_together([(first, b"new"), (second, b"new")])
-    assert first.read_bytes() == b"old"
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "taken"]
-
-
 def test_the_remark_on_missing_pictures_keeps_the_remedy_for_the_front_end():
     missing = remark_missing_pictures(PreviewError("there is no interpreter", ("give ", Argument(name="force"))))
     assert missing.text == "no pictures of the asset: there is no interpreter"

@@ -19,6 +19,7 @@ from usdfoliage.capture.folder import raw_worker
 from usdfoliage.capture.folder.boxes import list_boxes, read_top_box
 from usdfoliage.capture.folder.exif import ExifValue, read_exif, read_exif_part
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.children import bound_command
 from usdfoliage.files.reading import open_regular
 
 logger = logging.getLogger(__name__)
@@ -64,7 +65,7 @@ def develop_raw(path: Path, max_pixels: int) -> DevelopedRaw:
         )
     try:
         done = subprocess.run(
-            [sys.executable, "-P", raw_worker.__file__, str(path), str(max_pixels)],
+            bound_command([sys.executable, "-P", raw_worker.__file__, str(path), str(max_pixels)]),
             capture_output=True,
             stdin=subprocess.DEVNULL,
             timeout=_SECONDS,

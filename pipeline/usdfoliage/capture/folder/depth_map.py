@@ -1,6 +1,5 @@
 """Depth maps: files in, metres along the optical axis out."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.folder.raster import read_raster
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.library_text import library_text
 
 DEPTH_SUFFIXES = (".exr", ".png")
 DEPTH_CHANNEL = "Z"
@@ -87,7 +87,8 @@ def _read_exr(path: Path, width_px: int, height_px: int) -> tuple[NDArray[np.flo
     # By OpenImageIO: the OpenEXR module prints on stdout about what is damaged.
     source = oiio.ImageInput.open(str(path))
     if source is None or source.format_name() != "openexr":
-        raise CaptureError(f"{path} is no OpenEXR file that can be read ({_reason(oiio.geterror)})", "copy it again")
+        reason = library_text(oiio.geterror) or "no reason given"
+        raise CaptureError(f"{path} is no OpenEXR file that can be read ({reason})", "copy it again")
     try:
         spec = source.spec()
         if spec.deep or spec.depth > 1:
@@ -100,7 +101,7 @@ def _read_exr(path: Path, width_px: int, height_px: int) -> tuple[NDArray[np.flo
         name = _choose_channel(path, names)
         channel = names.index(name)
         pixels = source.read_image(0, 0, channel, channel + 1, "float")
-        failure = _reason(source.geterror)
+        failure = library_text(source.geterror) or "no reason given"
         if pixels is None or source.has_error:
             raise CaptureError(f"{path} is truncated or damaged ({failure})", "copy it again")
     except UnicodeDecodeError as error:
@@ -140,11 +141,3 @@ def _check_size(path: Path, size: tuple[int, int], photo: tuple[int, int]) -> No
             f"the depth map {path} is {size[0]}×{size[1]} pixels, its photograph {photo[0]}×{photo[1]}; "
             f"they must have the same size"
         )
-
-
-def _reason(getter: Callable[[], str]) -> str:
-    """OpenImageIO's message on a failure, in one line."""
-    try:
-        return " ".join(getter().split()) or "no reason given"
-    except UnicodeDecodeError:  # it quotes what it found in the damaged file
-        return "no reason given"

@@ -1,10 +1,12 @@
 """The files of a capture folder: which there are, which belong together, which of them a user means."""
 
-from collections.abc import Iterable, Sequence
+import os
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
 
 from usdfoliage.capture.folder.camera_raw import is_camera_raw
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.reading import reason_of
 
 IMAGES, CAMERAS, MASKS = "images", "cameras", "masks"  # folders of a capture
 VIDEOS = "videos"  # one that takes the place of images
@@ -33,17 +35,28 @@ def files_below(folder: Path) -> dict[str, Path]:
     """
     found: dict[str, Path] = {}
     try:
-        for path in folder.rglob("*"):
-            parts = path.relative_to(folder).parts
-            if any(part.startswith(".") for part in parts):
-                continue
+        for path in _walk(folder):
             if path.is_file():
-                found["/".join(parts)] = path
+                found[path.relative_to(folder).as_posix()] = path
             elif leads_nowhere(path):
                 raise CaptureError(explain_lost_link(path))
     except OSError as error:
-        raise CaptureError(f"{folder} cannot be read: {error.strerror}", "check its permissions") from error
+        raise CaptureError(
+            f"{error.filename or folder} cannot be read: {reason_of(error)}", "check its permissions"
+        ) from error
     return {name: found[name] for name in sorted(found)}
+
+
+def _walk(folder: Path) -> Iterator[Path]:
+    """What is no folder, at any depth, hidden ones left out; OSError for a folder that cannot be listed."""
+    for above, folders, names in os.walk(folder, onerror=_raise_listed):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        yield from (Path(above, name) for name in names if not name.startswith("."))
+
+
+def _raise_listed(error: OSError) -> None:
+    if not isinstance(error, FileNotFoundError):  # a folder that is not there has no files
+        raise error
 
 
 def leads_nowhere(path: Path) -> bool:
@@ -54,6 +67,28 @@ def leads_nowhere(path: Path) -> bool:
 def explain_lost_link(path: Path) -> str:
     """What is wrong with such a link, and what to do."""
     return f"{path} is a link to {path.readlink()}, which is not there; publish that file again, or remove the link"
+
+
+def parts_of_input(source: Path | None, output: Path | None) -> tuple[Path, ...]:
+    """What is read of an input that may be a folder: all of it, but an output in it that is none of its own folders.
+
+    Nothing where no input is named: the command reports that, if it needs one.
+    """
+    if source is None:
+        return ()
+    whole = (source,)
+    if output is None or not source.is_dir():
+        return whole
+    real, place = Path(os.path.realpath(source)), Path(os.path.realpath(output))
+    if place == real or not place.is_relative_to(real):
+        return whole
+    top = place.relative_to(real).parts[0]
+    if top in (IMAGES, MASKS, CAMERAS, VIDEOS, "depth", "normals", "confidence"):
+        return whole
+    try:
+        return tuple(source / name for name in sorted(os.listdir(source)) if name != top)  # noqa: PTH208
+    except OSError:  # who reads it reports that
+        return whole
 
 
 def is_picture(name: str) -> bool:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.folder.depth_map import DEPTH_CHANNEL
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.library_text import library_text
 from usdfoliage.files.open_exr import write_open_exr
 
 # A layer of its own: Z alone is depth, to read_depth as to any compositing program.
@@ -112,14 +113,14 @@ def _read(path: Path) -> dict[str, NDArray[np.float32]]:
     # By OpenImageIO: the OpenEXR module prints on stdout about what is damaged.
     source = oiio.ImageInput.open(str(path))
     if source is None or source.format_name() != "openexr":
-        oiio.geterror()  # else it is printed at the end
+        library_text(oiio.geterror)  # else it is printed at the end
         raise CaptureError(f"{path} is no OpenEXR file that can be read", "copy it again")
     try:
         spec = source.spec()
         names = [str(name) for name in spec.channelnames]
         pixels = None if spec.deep else source.read_image("float")
         if pixels is None or source.has_error:
-            source.geterror()
+            library_text(source.geterror)
             raise CaptureError(f"{path} is truncated or damaged", "copy it again")
     except UnicodeDecodeError as error:
         raise CaptureError(f"{path} has names that are not Unicode", "copy it again") from error

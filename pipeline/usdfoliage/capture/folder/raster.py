@@ -6,7 +6,6 @@ Photographs and masks are read through here, so that whatever can be wrong with 
 import logging
 import struct
 import zlib
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -20,6 +19,7 @@ from usdfoliage.capture.folder.coded_color import linear_from_coded
 from usdfoliage.capture.folder.exif import as_image_spec
 from usdfoliage.capture.folder.heic import is_heic, read_heic, read_heic_header
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.library_text import library_text
 from usdfoliage.files.reading import open_regular
 
 logger = logging.getLogger(__name__)
@@ -74,7 +74,7 @@ def read_raster(path: Path) -> Raster:
     except TypeError as error:  # a name that is not valid Unicode
         raise CaptureError(f"the file name of {path!r} is not valid Unicode", "rename it") from error
     if source is None or source.format_name() == "null":
-        reason = _text(oiio.geterror) or "no reason given"
+        reason = library_text(oiio.geterror) or "no reason given"
         raise CaptureError(f"{path} is not an image that can be read ({reason})", "use JPEG, HEIC, PNG, TIFF or EXR")
     try:
         return _read_picture(path, source)
@@ -102,7 +102,7 @@ def read_image_spec(path: Path) -> Any | None:
         return as_image_spec(0, 0, {**read_raw_exif(path), "Orientation": 1})
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        oiio.geterror()
+        library_text(oiio.geterror)
         return None
     spec = source.spec()
     source.close()
@@ -240,14 +240,14 @@ def _read_picture(path: Path, source: Any) -> Raster:
     kind = str(spec.format)
     pixels = source.read_image(0, 0, first, end, kind if kind in ("uint8", "uint16") else "float")
     failed = source.has_error
-    failure = _text(source.geterror)  # the only sign of a truncated JPEG, whose rest is grey
+    failure = library_text(source.geterror)  # the only sign of a truncated JPEG, whose rest is grey
     if pixels is None or failed or failure:
         raise CaptureError(f"{path} is truncated or damaged ({failure or 'no reason given'})", "copy it again")
     if source.seek_subimage(1, 0):  # True where there is a second picture
         logger.info("%s has several pictures; the first is read", path)
     if spec.get_int_attribute("tiff:PhotometricInterpretation") == 5 or "CMYK" in (
-        _text(spec.get_string_attribute, "jpeg:ColorSpace"),
-        _text(spec.get_string_attribute, "tiff:ColorSpace"),
+        library_text(spec.get_string_attribute, "jpeg:ColorSpace"),
+        library_text(spec.get_string_attribute, "tiff:ColorSpace"),
     ):
         logger.info("%s is CMYK; converted by R = (1 − C)(1 − K) without its profile", path)
 
@@ -270,8 +270,8 @@ def _read_picture(path: Path, source: Any) -> Raster:
         alpha=None if alpha_at is None else np.ascontiguousarray(pixels[..., alpha_at - first]),
         premultiplied=alpha_at is not None and not spec.get_int_attribute("oiio:UnassociatedAlpha"),
         orientation=orientation,
-        profile=_text(spec.get_string_attribute, "ICCProfile:profile_description"),
-        interoperability=_text(spec.get_string_attribute, "Exif:InteroperabilityIndex"),
+        profile=library_text(spec.get_string_attribute, "ICCProfile:profile_description"),
+        interoperability=library_text(spec.get_string_attribute, "Exif:InteroperabilityIndex"),
         chromaticities=() if chromaticities is None else tuple(float(value) for value in chromaticities),
     )
 
@@ -323,11 +323,3 @@ def _display_window(path: Path, pixels: NDArray[Any], spec: Any) -> NDArray[Any]
         max(-top, 0) : bottom - top, max(-left, 0) : right - left
     ]
     return displayed
-
-
-def _text(getter: Callable[..., str], *arguments: str) -> str:
-    """A text of OpenImageIO in one line; "" if it is not Unicode, as in some EXIF and all damaged headers."""
-    try:
-        return " ".join(getter(*arguments).split())
-    except UnicodeDecodeError:
-        return ""

@@ -3,25 +3,33 @@
 import json
 import logging
 import os
+import shutil
+import signal
 import subprocess
 import sys
 import threading
 import uuid
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.children import bound_command
 from usdfoliage.files.free_space import is_full_disk, require_space
 from usdfoliage.files.npz import find_damage
 from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
+JOB = ".job-"  # begins the names of what only a running child needs
 MODULE = "usdfoliage.capture.poses.worker"
+# A process that ends by one of these was killed from outside, where it does not happen each time.
+_FROM_OUTSIDE = (-signal.SIGKILL, -signal.SIGTERM, -signal.SIGINT, -signal.SIGHUP)
+_MAX_TRIES = 3  # of an item whose process is killed from outside
 _ENDS = ("done", "failed", "full-disk")  # what a worker reports of an item, as the first word of a line
 _SINGLE_THREADED = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
 
@@ -45,12 +53,13 @@ def run_items(
 ) -> tuple[ItemFailure, ...]:
     """Do the items of a job, each in one of so many child processes; an item whose "out" exists is done already.
 
-    An item at which a child ends is a failure; a new child does the items that were left.
+    An item at which a child ends is a failure, unless the child was killed from outside: then it is tried again. A new
+    child does the items that were left.
 
     Args:
         job: What the worker is given besides its items.
         items: Each with the file that it makes, "out".
-        work: Where the jobs are written.
+        work: Where the jobs are written; one call at a time. What killed ones left there goes.
         processes: How many child processes run at once, at most.
         progress: Called with items done, or with steps of the only item.
         module: The worker.
@@ -58,6 +67,7 @@ def run_items(
     Raises:
         WriteError: The work folder cannot be written or is full; no child can be started.
     """
+    _remove_leftovers(work)
     open_items = [(number, item) for number, item in enumerate(items) if not _is_done(Path(item["out"]))]
     shares = [open_items[start::processes] for start in range(max(1, processes))]
     events: SimpleQueue[tuple[str, int, str]] = SimpleQueue()
@@ -77,6 +87,15 @@ def run_items(
     if any(failure.is_full_disk for failure in failures):
         raise _full(work)
     return tuple(sorted(failures, key=lambda failure: failure.number))
+
+
+def _remove_leftovers(work: Path) -> None:
+    for left in work.glob(f"{JOB}*"):
+        if left.is_dir() and not left.is_symlink():
+            shutil.rmtree(left, ignore_errors=True)
+        else:
+            with suppress(OSError):  # it is no obstacle
+                left.unlink()
 
 
 def _check_space(work: Path) -> None:
@@ -141,15 +160,21 @@ def _do_share(
     events: "SimpleQueue[tuple[str, int, str]]",
     stop: threading.Event,
 ) -> None:
-    left = list(share)
+    left, tries = list(share), 1
     try:
         while left:
-            finished, ending = _run_child({**job, "items": left}, work, module, events, stop)
+            finished, code, ending = _run_child({**job, "items": left}, work, module, events, stop)
             if stop.is_set():
                 return
             left = [entry for entry in left if entry[0] not in finished]
             if left:  # the child ended at the first of them
                 _check_space(work)
+                tries = 1 if finished else tries
+                if code in _FROM_OUTSIDE and tries < _MAX_TRIES:
+                    tries += 1
+                    logger.warning("a process that looked for cameras was killed from outside; its work is done again")
+                    continue
+                tries = 1
                 events.put(("failed", left[0][0], f"the process ended there ({ending})"))
                 left = left[1:]
     except OSError as error:
@@ -164,16 +189,16 @@ def _run_child(
     module: str,
     events: "SimpleQueue[tuple[str, int, str]]",
     stop: threading.Event,
-) -> tuple[set[int], str]:
-    """Items that a child has finished, and its last output."""
-    path = work / f".job-{uuid.uuid4().hex[:12]}.json"
+) -> tuple[set[int], int, str]:
+    """Items that a child has finished, its exit code, and its last output."""
+    path = work / f"{JOB}{uuid.uuid4().hex[:12]}.json"
     finished: set[int] = set()
     try:
         path.write_text(json.dumps(job), encoding="utf-8")
         with (
             path.with_suffix(".log").open("w+b") as log,
             subprocess.Popen(
-                [sys.executable, "-m", module, str(path)],
+                bound_command([sys.executable, "-m", module, str(path)]),
                 stdout=subprocess.PIPE, stderr=log, stdin=subprocess.DEVNULL, text=True, encoding="utf-8",
                 errors="replace", env={**os.environ, **_SINGLE_THREADED},
             ) as child,
@@ -196,7 +221,7 @@ def _run_child(
             log.seek(0)
             output = log.read()[-4000:].decode(errors="replace").strip().splitlines()
             last = output[-1][:300] if output else "no output"
-            return finished, f"code {code}: {last}"
+            return finished, code, f"code {code}: {last}"
     finally:
         path.unlink(missing_ok=True)
         path.with_suffix(".log").unlink(missing_ok=True)

@@ -14,8 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from usdfoliage.capture.lens import Lens
 from usdfoliage.capture.poses.result import Registered
-from usdfoliage.errors import CaptureError, WriteError
+from usdfoliage.errors import CaptureError
 from usdfoliage.files.atomic import flush_to_disk
+from usdfoliage.files.unwritten import describe_unwritten
 
 _FILES = ("cameras.txt", "points3D.txt", "images.txt")  # the last is what a model is known by
 
@@ -67,9 +68,7 @@ def write_colmap_model(folder: Path, registered: Registered) -> None:
             f"a photograph's name is no Unicode and cannot be written into {folder}", "rename it"
         ) from error
     except OSError as error:
-        raise WriteError(
-            f"{folder} was not written: {error.strerror or error}", "make room or choose another folder"
-        ) from error
+        raise describe_unwritten(folder, error) from error
 
 
 def _camera_numbers(registered: Registered) -> dict[Lens, int]:

@@ -18,6 +18,7 @@ from usdfoliage.capture.poses.result import Registered, RegisteredPhoto
 from usdfoliage.capture.poses.up_direction import UpDirection, find_ups
 from usdfoliage.capture.poses.world_frame import WorldSettings, find_scale, list_disagreements, read_scale_hints
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.library_text import library_text
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.geometry.up_turn import AXES, axis_vector
 from usdfoliage.remarks import Remark, Remedy, Setting, remark
@@ -297,7 +298,7 @@ def _photo_file(view: CaptureView) -> PhotoFile:
     orientation = 1
     source = oiio.ImageInput.open(str(view.photo))
     if source is None:  # it is reported where it is read
-        oiio.geterror()
+        library_text(oiio.geterror)
     else:
         spec = source.spec()
         is_stored = (spec.width > spec.height) == (view.lens.width_px > view.lens.height_px)

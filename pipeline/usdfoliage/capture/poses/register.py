@@ -26,6 +26,7 @@ from usdfoliage.capture.poses.result import Registered as Registered  # what cal
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.code import digest_code
 from usdfoliage.files.hashing import digest_text
+from usdfoliage.files.unwritten import describe_unwritten
 from usdfoliage.progress import Progress, StepProgress, progress_in_step
 
 logger = logging.getLogger(__name__)
@@ -130,7 +131,7 @@ def register_photos(
     try:
         work.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise CaptureError(f"{work} cannot be made: {error.strerror}", "choose another folder") from error
+        raise describe_unwritten(work, error, goes_on=True) from error
     processes = settings.threads or os.cpu_count() or 1
 
     features, failed = _find_features(photos, work, settings, processes, progress_in_step("features", progress))

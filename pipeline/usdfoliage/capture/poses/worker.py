@@ -19,6 +19,7 @@ import pycolmap
 from numpy.typing import NDArray
 
 from usdfoliage.capture.folder.photo_set import read_gray
+from usdfoliage.capture.poses.child_process import JOB
 from usdfoliage.capture.poses.pairs import MatchSettings, match_descriptors
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.free_space import is_full_disk, require_space
@@ -169,7 +170,7 @@ def _camera(camera_id: int, values: Mapping[str, Any]) -> "pycolmap.Camera":
 
 def _map_photos(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
     """Cameras and points of the largest group of photographs that hang together."""
-    with tempfile.TemporaryDirectory(dir=Path(item["out"]).parent) as folder:
+    with tempfile.TemporaryDirectory(prefix=JOB, dir=Path(item["out"]).parent) as folder:
         database = Path(folder) / "database.db"
         require_space(Path(folder), _min_database_bytes(job))  # COLMAP aborts where its database does not fit
         _write_database(database, job)

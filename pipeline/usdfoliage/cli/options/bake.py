@@ -18,4 +18,5 @@ def read_bake_request(options: argparse.Namespace) -> BakeRequest:
         resolution=read_resolution(options),
         source=options.source,
         force=options.force,
+        keep_old=options.keep_old,
     )

@@ -55,7 +55,9 @@ def read_branches_request(options: argparse.Namespace) -> BranchesRequest:
         asset=bark,
         seed=options.seed,
         preview=not options.no_preview,
+        times=not options.reproducible,
         force=options.force,
+        keep_old=options.keep_old,
         render_setting=render_for("branches"),
     )
 

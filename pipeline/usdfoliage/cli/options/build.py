@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from usdfoliage.cli.options.leaf_commands import add_replacing, add_reproducible
 from usdfoliage.cli.options.setting_help import describe_setting
 from usdfoliage.jobs.plant.work_folder import BESIDE_ASSET, WORK_VARIABLE, find_work_folder
 
@@ -90,9 +91,8 @@ def add_publishing(parser: argparse._ActionsContainer) -> None:
         action="store_true",
         help="Write the asset even if validation finds errors in it. The exit code is still 3.",
     )
-    parser.add_argument(
-        "--force", action="store_true", help="Replace the output folder even if it is not an asset of usdfoliage."
-    )
+    add_reproducible(parser)
+    add_replacing(parser)
 
 
 def read_settings(options: argparse.Namespace) -> "BuildSettings":
@@ -146,5 +146,7 @@ def read_request(
         only=only,
         profile=options.profile.absolute() if options.profile else None,
         force=getattr(options, "force", False),
+        keep_old=getattr(options, "keep_old", False),
         keep_invalid=getattr(options, "keep_invalid", False),
+        reproducible=getattr(options, "reproducible", False),
     )

@@ -39,6 +39,7 @@ def read_capture_request(options: argparse.Namespace) -> CaptureRequest:
         report=not options.no_report,
         report_views=options.report_views,
         force=options.force,
+        times=not options.reproducible,
         render_setting=render_for("capture"),
     )
 

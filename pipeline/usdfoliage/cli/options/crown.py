@@ -65,7 +65,9 @@ def read_crown_request(options: argparse.Namespace) -> CrownRequest:
         color_space=options.color_space,
         species=options.species,
         force=options.force,
+        keep_old=options.keep_old,
         preview=not options.no_preview,
+        times=not options.reproducible,
         render_setting=render_for("crown"),
     )
 
@@ -99,7 +101,9 @@ def read_captured_crown_request(options: argparse.Namespace) -> CapturedCrownReq
         asset_settings=asset_settings,
         species=options.species,
         force=options.force,
+        keep_old=options.keep_old,
         preview=not options.no_preview,
+        times=not options.reproducible,
         report_views=options.report_views,
         render_setting=render_for("crown"),
     )

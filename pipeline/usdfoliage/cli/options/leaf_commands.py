@@ -74,15 +74,33 @@ def add_name(parser: argparse._ActionsContainer, metavar: str = "OUT") -> None:
     parser.add_argument("--name", help=f"The asset has this name. The default is the name of the folder {metavar}.")
 
 
-def add_writing(parser: argparse._ActionsContainer) -> None:
-    """What every command has that writes."""
-    parser.add_argument(
-        "--force", action="store_true", help="Replace the output even if it was not written by usdfoliage."
-    )
+def add_writing(parser: argparse._ActionsContainer, *, of_asset: bool = True) -> None:
+    """What every command has that writes; of_asset: the folder of an asset."""
+    if of_asset:
+        add_replacing(parser)
+    else:
+        parser.add_argument(
+            "--force", action="store_true", help="Replace the output even if it was not written by usdfoliage."
+        )
     parser.add_argument(
         "--dry-run",
         action="store_true",
         help="Check the input and print what the command would do. Nothing is written.",
+    )
+
+
+def add_replacing(parser: argparse._ActionsContainer) -> None:
+    """What of an earlier asset may be replaced, and what becomes of it."""
+    parser.add_argument(
+        "--force",
+        action="store_true",
+        help="Replace an asset of another name or origin too, or one whose record is lost. Files that are not the "
+        "asset's always stay.",
+    )
+    parser.add_argument(
+        "--keep-old",
+        action="store_true",
+        help="Keep the asset that is replaced, in a folder beside the new one. The name of the folder is printed.",
     )
 
 
@@ -137,6 +155,15 @@ def add_report_views(parser: argparse._ActionsContainer, default: int) -> None:
 
 def add_no_preview(parser: argparse._ActionsContainer) -> None:
     parser.add_argument("--no-preview", action="store_true", help="Leave the pictures by Storm out of the report.")
+
+
+def add_reproducible(parser: argparse._ActionsContainer) -> None:
+    """Whether equal runs give the same bytes in all files."""
+    parser.add_argument(
+        "--reproducible",
+        action="store_true",
+        help="Leave out report/timings.js, which has how long the run took. Equal runs then give the same bytes.",
+    )
 
 
 def add_views(parser: argparse._ActionsContainer) -> None:

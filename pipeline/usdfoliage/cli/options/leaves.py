@@ -51,7 +51,9 @@ def read_leaves_request(options: argparse.Namespace) -> LeavesRequest:
         seed=options.seed or 0,
         report_views=options.report_views,
         preview=not options.no_preview,
+        times=not options.reproducible,
         force=options.force,
+        keep_old=options.keep_old,
         render_setting=render_for(LEAVES_OF_A_CLOUD if names_cloud(options.capture) else "leaves"),
     )
 

@@ -41,4 +41,5 @@ def read_scatter_request(options: argparse.Namespace) -> ScatterRequest:
         appearance=appearance,
         chosen=options.representation is not None,
         force=options.force,
+        keep_old=options.keep_old,
     )

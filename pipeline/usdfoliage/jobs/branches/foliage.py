@@ -16,6 +16,7 @@ from usdfoliage.asset.leaf_representations import (
 )
 from usdfoliage.asset.locate import require_leaves, select_representation
 from usdfoliage.asset.looks.look import open_asset
+from usdfoliage.asset.own_files import own_folders
 from usdfoliage.asset.packages.contents import interface_of, matrix_in_plant, read_leaf_appearance, require_plant
 from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAppearance
 from usdfoliage.asset.parts.leaves import read_leaves
@@ -153,7 +154,7 @@ def read_fitted_leaves(request: FoliageRequest, output: Path) -> FittedLeaves | 
     asset = request.source
     if asset is None:
         return None
-    interface, _ = interface_of(asset)
+    interface, look = interface_of(asset)
     if interface.resolve().is_relative_to(output.resolve()):
         raise AssetError(
             f"{output} holds the leaves that are read, {asset}, and would lose them", "name another folder"
@@ -167,9 +168,9 @@ def read_fitted_leaves(request: FoliageRequest, output: Path) -> FittedLeaves | 
     if not len(read.leaves):
         raise AssetError(f"{asset} has leaves, but none is shown", "name an asset of leaves")
     leaves = move_leaves(bake_leaves(read.leaves, read.edits), matrix_in_plant(prim, plant))
-    return FittedLeaves(
-        leaves=leaves, edits=remaining_edits(read.edits), appearance=read_leaf_appearance(prim, read.jitter_map)
-    )
+    folders = own_folders(interface, None if look is None else look.path, prim)
+    appearance = read_leaf_appearance(prim, read.jitter_map, folders)
+    return FittedLeaves(leaves=leaves, edits=remaining_edits(read.edits), appearance=appearance)
 
 
 def describe_foliage(request: FoliageRequest) -> dict[str, str]:

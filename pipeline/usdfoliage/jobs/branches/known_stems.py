@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.photographs.joining import StemPiece
+from usdfoliage.branch.photographs.joined import StemPiece
 from usdfoliage.remarks import Remark, remark
 
 _DESCRIBED = 8  # pieces that are described one by one

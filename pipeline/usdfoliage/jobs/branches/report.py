@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.branch.distances import distances_to_cloud, distances_to_surface
 from usdfoliage.branch.growth.importance import weigh_points
+from usdfoliage.branch.internodes import measure_internode_m
 from usdfoliage.branch.tracing.reconstruct import TracedBranches
 from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
@@ -23,7 +24,8 @@ from usdfoliage.jobs.report.cloud_pictures import (
 )
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import TURBO, VIRIDIS, color_values, write_picture
-from usdfoliage.jobs.report.table import ReportPicture, ReportView, Row, WrittenReport, list_seconds
+from usdfoliage.jobs.report.table import ReportPicture, ReportView, Row, WrittenReport
+from usdfoliage.jobs.report.timings import write_step_times
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import Remark, RenderSetting, list_sentences
 
@@ -70,12 +72,13 @@ def branch_rows(
     to_surface_m = distances_to_surface(points_m, skeleton, traced.thickness_m)
     to_cloud_m = distances_to_cloud(skeleton, points_m, traced.thickness_m)
     by_order = np.bincount(skeleton.order)
+    internode_m = measure_internode_m(skeleton) if traced.found_otherwise else traced.internode_m
     return [
         Row(
             name="points", value=f"{len(points_m):,}", remark=f"{1000 * traced.spacing_m:.1f} mm to the sixth neighbour"
         ),
         Row(name="height", value=f"{np.ptp(points_m[:, 1]):.2f} m"),
-        Row(name="internode", value=f"{1000 * traced.internode_m:.1f} mm"),
+        *([] if internode_m is None else [Row(name="internode", value=f"{1000 * internode_m:.1f} mm")]),
         Row(
             name="branches",
             value=f"{len(skeleton):,}",
@@ -129,7 +132,7 @@ def write_branches_report(
         traced: The branches.
         points_m: (N, 3), the cloud in the asset's frame.
         rows: The figures.
-        seconds: By step.
+        seconds: By step; none where the report does not show them.
         progress: Called at each picture of the asset.
     """
     chosen = np.linspace(0, len(points_m) - 1, min(len(points_m), DRAWN_POINTS)).astype(np.int64)
@@ -184,11 +187,11 @@ def write_branches_report(
         views=views,
         pictures=pictures,
         measures=rows,
-        seconds=list_seconds(seconds),
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
     )
     index = folder / "index.html"
     index.write_text(page, encoding="utf-8")
+    write_step_times(folder, seconds)
     return WrittenReport(page=index, pictures=tuple(of_plant), remarks=tuple(missing))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
+from usdfoliage.asset.asset_record import AssetOrigin
 from usdfoliage.asset.packages.branch_package import write_branch_asset
 from usdfoliage.asset.parts.branch_growth import BranchGrowth
 from usdfoliage.asset.parts.branch_part import BranchAssetSettings
@@ -22,6 +23,7 @@ from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.branch.cage.build import BranchCage, build_branch_cage
 from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
+from usdfoliage.branch.internodes import measure_internode_m
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.tracing.free_axes import points_of_branches
 from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches
@@ -72,7 +74,13 @@ class BranchesRequest:
     needs_stems: bool = False  # as trace_cloud takes it
     color_of_cloud: bool = False  # branches have the colour of the cloud's wood, where it has colours
     force: bool = False
+    keep_old: bool = False  # what is replaced stays in a folder beside the new asset
     render_setting: RenderSetting = as_plan_setting  # how the report writes settings
+
+    @property
+    def origin(self) -> AssetOrigin:
+        """Of the asset."""
+        return AssetOrigin(name=self.name, command="branches", source=self.cloud.path.resolve().name)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,7 +194,9 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         FoliageError: The input is unusable, or the output cannot be written; nothing was changed.
     """
     seconds: dict[str, float] = {}
-    with publish_folder(request.output, force=request.force) as folder:
+    with publish_folder(
+        request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
+    ) as folder:
         fitted = read_fitted_leaves(request.foliage, request.output)
         found = find_branches(request, fitted, seconds, progress)
         plant = found.plant
@@ -377,8 +387,10 @@ def describe_leaves(traced: TracedBranches, settings: BranchSettings) -> list[Re
 
 
 def growth_of(traced: TracedBranches) -> dict[str, float]:
-    """What of the growth parameters was measured."""
-    return {"internodeLength": traced.internode_m, "rootDiameter": float(2 * traced.skeleton.radius_m[0])}
+    """What of the growth parameters is known; of stems that were found otherwise, the internodes that they show."""
+    growth = {"rootDiameter": float(2 * traced.skeleton.radius_m[0])}
+    internode_m = measure_internode_m(traced.skeleton) if traced.found_otherwise else traced.internode_m
+    return growth if internode_m is None else {"internodeLength": internode_m, **growth}
 
 
 def describe_settings(request: BranchesRequest) -> dict[str, str]:
@@ -398,7 +410,9 @@ def describe_settings(request: BranchesRequest) -> dict[str, str]:
 
 def plan_branches_asset(request: BranchesRequest) -> str:
     """What make_branches_asset would do, in lines, after reading the cloud; writes nothing."""
-    would = plan_folder(request.output, f"{request.name}.usda", request.force)
+    would = plan_folder(
+        request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
+    )
     fitted = read_fitted_leaves(request.foliage, request.output)
     plant = read_plant_cloud(request.cloud)
     height_m = float(np.ptp(plant.points_m[:, 1]))

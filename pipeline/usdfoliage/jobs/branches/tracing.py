@@ -132,6 +132,7 @@ def _with_stems(found: TracedCloud, stems: KnownStems) -> TracedCloud:
         pieces=len(roots_m),
         wood=wood,
         knows_leaves=True,
+        found_otherwise=True,
     )
     asset_from_own = moved @ asset_from_own
     remarks = tuple(each for each in found.remarks if each.code not in _OF_TRACE)

@@ -32,10 +32,11 @@ from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.threads import MAX_AT_ONCE, map_ahead, map_threaded, share_cores
+from usdfoliage.files.unwritten import describe_unwritten
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.capture.settings import DenseChoice
 from usdfoliage.jobs.work.keys import task_key
-from usdfoliage.jobs.work.results import describe_unwritten, forget, has_result, read_result, write_result
+from usdfoliage.jobs.work.results import forget, has_result, read_result, write_result
 from usdfoliage.progress import Progress
 from usdfoliage.remarks import Remark, remark, remark_from_json
 
@@ -351,7 +352,7 @@ def _match_by_colmap(tasks: DepthTasks, views: Sequence[int], report: Callable[[
     try:
         write_stereo_workspace(folder, tasks.plan, read_view)
     except OSError as error:
-        raise describe_unwritten(folder, error) from error
+        raise describe_unwritten(folder, error, goes_on=True) from error
     run_stereo(folder, tasks.plan)
     for index in views:
         view = read_view(index)

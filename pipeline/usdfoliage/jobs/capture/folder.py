@@ -13,16 +13,19 @@ from pathlib import Path
 from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, files_below, named
 from usdfoliage.capture.folder.settings import FILE_NAME
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.atomic import exchange
 from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.json import read_json
+from usdfoliage.files.reading import describe_unread
+from usdfoliage.files.unwritten import describe_unwritten, is_of_another_file
 from usdfoliage.jobs.capture.find_photographs import GivenPhotographs, is_same_file
-from usdfoliage.jobs.work.results import WORK, describe_unwritten, write_whole
+from usdfoliage.jobs.work.results import WORK, lock_work, write_whole
 from usdfoliage.remarks import Argument
 
 logger = logging.getLogger(__name__)
 
 _RECORD = "written.json"  # in the work folder: what usdfoliage wrote into the capture
-_OLD = "replaced"  # in the work folder: what was there while something new takes its place
+_OLD = "aside"  # in the work folder: what was there while something new takes its place, by its name
 
 
 def lay_out(given: GivenPhotographs, record: "Record", *, cameras: bool = True, force: bool = False) -> None:
@@ -102,7 +105,9 @@ def _bring(path: Path, there: Path, *, link: bool) -> None:
         finally:
             new.unlink(missing_ok=True)
     except OSError as error:
-        raise describe_unwritten(there, error) from error
+        if is_of_another_file(error, there, new):
+            raise describe_unread(error) from error
+        raise describe_unwritten(there, error, goes_on=True) from error
 
 
 def _unlink(path: Path) -> None:
@@ -166,6 +171,8 @@ def _files_of(capture: Path, name: str) -> list[str]:
 def publish(new: Path, capture: Path, names: Iterable[str], record: Record) -> None:
     """Put files and folders of results in their places, one after the other, each in one step.
 
+    Where the system cannot exchange two folders, a folder takes two steps; see restore_replaced.
+
     Args:
         new: The folder where they are, on the same disk.
         capture: Where they go.
@@ -180,25 +187,55 @@ def publish(new: Path, capture: Path, names: Iterable[str], record: Record) -> N
     for file, digest in digests.items():  # a run that is killed here must know again what it replaced
         record.made.setdefault(file, set()).add(digest)
     record.write()
-    old = capture / WORK / _OLD
     for name in listed:
         there = capture / name
         try:
             if there.is_dir() and not there.is_symlink():
-                shutil.rmtree(old, ignore_errors=True)
-                there.rename(old)
-                try:
-                    (new / name).rename(there)
-                except OSError:
-                    with suppress(OSError):
-                        old.rename(there)
-                    raise
-                shutil.rmtree(old, ignore_errors=True)
+                _replace_folder(new / name, there, capture / WORK / _OLD / name)
             else:
                 if (new / name).is_dir():
                     there.unlink(missing_ok=True)
                 (new / name).replace(there)
         except OSError as error:
-            raise describe_unwritten(there, error) from error
+            raise describe_unwritten(there, error, goes_on=True) from error
     record.replace_made(listed, digests)
     record.write()
+
+
+def _replace_folder(new: Path, there: Path, old: Path) -> None:
+    """Put a new folder where another one is; old is where that may be meanwhile."""
+    if exchange(new, there):
+        shutil.rmtree(new, ignore_errors=True)
+        return
+    shutil.rmtree(old, ignore_errors=True)
+    old.parent.mkdir(parents=True, exist_ok=True)
+    there.rename(old)
+    try:
+        new.rename(there)
+    except OSError:
+        with suppress(OSError):
+            old.rename(there)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def restore_replaced(capture: Path) -> None:
+    """Finish what a run left that was killed while it replaced a folder: the old one is back, or gone.
+
+    Raises:
+        CaptureError: Another run has the work folder.
+        WriteError: A folder cannot be put back.
+    """
+    kept = capture / WORK / _OLD
+    if not kept.is_dir():
+        return
+    with lock_work(kept.parent):
+        for old in sorted(kept.iterdir()):
+            there = capture / old.name
+            if not os.path.lexists(there):
+                logger.warning("%s was left aside by a killed run; it is put back", there)
+                try:
+                    old.rename(there)
+                except OSError as error:
+                    raise describe_unwritten(there, error, goes_on=True) from error
+        shutil.rmtree(kept, ignore_errors=True)

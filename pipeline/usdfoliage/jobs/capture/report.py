@@ -47,7 +47,8 @@ from usdfoliage.jobs.report.pictures import (
     shrunk_size,
     write_picture,
 )
-from usdfoliage.jobs.report.table import Histogram, ReportPicture, Row, WrittenReport, list_seconds
+from usdfoliage.jobs.report.table import Histogram, ReportPicture, Row, WrittenReport
+from usdfoliage.jobs.report.timings import write_step_times
 from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, list_sentences, remark
 
 __all__ = ["CapturePhotograph", "CaptureReport", "DrawnMaps", "capture_rows", "check_capture", "write_capture_report"]
@@ -75,7 +76,7 @@ class CaptureReport:
     errors_px: NDArray[np.floating] | None = None  # (M,), of all observations of the cameras' model
     measures: Sequence[Row] = ()  # more of them
     drawn: Sequence[int] = ()  # which photographs are shown with their maps
-    seconds: Mapping[str, float] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)  # by step; none where the report does not show them
     settings: Mapping[str, str] = field(default_factory=dict)
     render_setting: RenderSetting = as_plan_setting  # how remedies write a setting
 
@@ -147,12 +148,12 @@ def write_capture_report(folder: Path, report: CaptureReport) -> WrittenReport:
         histograms=error_histograms(report),
         left_out=_left_out(report),
         views=[_write_view(folder, report, number) for number in report.drawn],
-        seconds=list_seconds(report.seconds),
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
     )
     index = folder / "index.html"
     with whole_file(index) as new:
         new.write_text(page, encoding="utf-8", errors="backslashreplace")  # file names may be any bytes
+    write_step_times(folder, report.seconds)
     return WrittenReport(page=index, pictures=of_plant)
 
 

@@ -19,13 +19,19 @@ from usdfoliage.capture.folder.listing import CAMERAS
 from usdfoliage.capture.folder.read import Capture
 from usdfoliage.capture.folder.settings import FILE_NAME, complete_capture_settings, frame_values
 from usdfoliage.files.reading import read_regular
+from usdfoliage.files.unwritten import describe_unwritten
 from usdfoliage.jobs.capture.depth_tasks import DepthTasks, PreparedViews, in_world, picture_of, read_estimate
-from usdfoliage.jobs.capture.maps import ViewMaps
+from usdfoliage.jobs.capture.maps import KINDS, ViewMaps
 from usdfoliage.jobs.capture.photograph import CapturePhotograph, DrawnMaps
 from usdfoliage.jobs.capture.poses import PosedCapture, failures_of
-from usdfoliage.jobs.work.results import describe_unwritten, write_whole
+from usdfoliage.jobs.work.results import write_whole
 
 CLOUD, LAYER, LAYER_CLOUD, REPORT = "cloud.ply", "capture.usda", "capture_cloud.usdc", "report"
+
+
+def written_names() -> tuple[str, ...]:
+    """The files and folders of a capture that a run replaces whole."""
+    return (CLOUD, LAYER, LAYER_CLOUD, REPORT, *KINDS)
 
 
 def lay_maps(new: Path, maps: Sequence[ViewMaps], places: Sequence[str]) -> None:
@@ -47,7 +53,7 @@ def lay_maps(new: Path, maps: Sequence[ViewMaps], places: Sequence[str]) -> None
                 except OSError:  # no links on this disk, or the disk is full: then the copy raises
                     shutil.copyfile(path, there)
             except OSError as error:
-                raise describe_unwritten(there, error) from error
+                raise describe_unwritten(there, error, goes_on=True) from error
 
 
 def write_results(new: Path, capture: Capture, prepared: PreparedViews, cloud: Cloud) -> None:
@@ -87,7 +93,7 @@ def lay_cameras(new: Path, model: Path) -> None:
     try:
         shutil.copytree(model, new / CAMERAS)
     except OSError as error:
-        raise describe_unwritten(new / CAMERAS, error) from error
+        raise describe_unwritten(new / CAMERAS, error, goes_on=True) from error
 
 
 def describe_photographs(

@@ -1,7 +1,6 @@
 """From photographs to a capture: depth of every one of them, and one coloured cloud."""
 
 import logging
-import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ from usdfoliage.capture.folder.settings import read_capture_settings
 from usdfoliage.capture.mvs.colmap_stereo import check_cuda
 from usdfoliage.capture.mvs.view_depths import remark_alone
 from usdfoliage.errors import CaptureError, FoliageError
+from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.files.threads import share_cores
 from usdfoliage.jobs.capture.depth_tasks import (
     DepthTasks,
@@ -32,7 +32,7 @@ from usdfoliage.jobs.capture.depth_tasks import (
     seen_surfaces,
 )
 from usdfoliage.jobs.capture.find_photographs import GivenPhotographs, check_video_output, find_photographs
-from usdfoliage.jobs.capture.folder import Record, lay_out, publish
+from usdfoliage.jobs.capture.folder import Record, lay_out, publish, restore_replaced
 from usdfoliage.jobs.capture.maps import KINDS, ViewMaps, forget_other_maps, write_maps
 from usdfoliage.jobs.capture.poses import (
     REGISTERED,
@@ -123,6 +123,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         FoliageError: The input is unusable, or the output cannot be written; results appear whole or not at all.
     """
     seconds: dict[str, float] = {}
+    restore_replaced(request.output or request.source)
     given = _find_given(request, None, seconds, progress)
     read_capture_settings(given.source)  # what is wrong with it is raised before anything is written
     if request.resume and not has_results(given.work):
@@ -164,8 +165,8 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
             prepared.views, capture.points_m, request.settings.depth, store, dense=request.settings.dense
         )
         missing = find_missing(tasks)
-        remarks += [*posed.remarks, *prepared.remarks, *(prepared.checks if known else ())]
-        remarks += remark_tasks(tasks, len(missing))
+        resumed = remark_resumed(tasks, len(missing))
+        remarks += [*posed.remarks, *prepared.remarks, *(prepared.checks if known else ()), *remark_tasks(tasks)]
         with follow_step("depth", seconds, progress) as advance:
             run_tasks(tasks, missing, threads=request.threads, progress=advance)
         with follow_step("maps", seconds, progress) as advance:
@@ -229,7 +230,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
         points=len(cloud),
         coverage=float(np.median([view_maps.coverage for view_maps in maps])),
         seconds=seconds,
-        remarks=tuple(remarks),
+        remarks=(*remarks, *resumed),  # not in the report, which equal runs have in common
     )
 
 
@@ -238,8 +239,8 @@ def plan_capture(request: CaptureRequest) -> str:
 
     Of a video the frames are taken, and dropped.
     """
-    with tempfile.TemporaryDirectory() as scratch:
-        return _plan_given(request, _find_given(request, Path(scratch), {}, None))
+    with temporary_folder("frames") as scratch:
+        return _plan_given(request, _find_given(request, scratch, {}, None))
 
 
 def _find_given(
@@ -278,7 +279,7 @@ def _plan_given(request: CaptureRequest, given: GivenPhotographs) -> str:
     tasks = plan_tasks(prepared.views, capture.points_m, depth, given.work, dense=request.settings.dense)
     missing = 0 if request.fresh else len(find_missing(tasks))
     every = _count_tasks(tasks)
-    remarks += [*posed.remarks, *prepared.remarks, *prepared.checks, *remark_tasks(tasks, every)]
+    remarks += [*posed.remarks, *prepared.remarks, *prepared.checks, *remark_tasks(tasks)]
     sizes = Counter((view.width_px, view.height_px) for view in prepared.views)
     levels = ", ".join(f"1/{2**each.level}" for each in depth.rounds)
     lines = [
@@ -375,17 +376,19 @@ def forget_results(work: Path) -> None:
             forget(below)
 
 
-def remark_tasks(tasks: DepthTasks, missing: int) -> list[Remark]:
-    """On photographs without companions, and on what was found of an earlier run."""
+def remark_tasks(tasks: DepthTasks) -> list[Remark]:
+    """On photographs without companions."""
     alone = [view.name for view, sources in zip(tasks.views, tasks.plan.sources, strict=True) if not sources]
-    remarks = []
-    if alone:
-        remarks.append(remark_alone(alone))
+    return [remark_alone(alone)] if alone else []
+
+
+def remark_resumed(tasks: DepthTasks, missing: int) -> list[Remark]:
+    """On what was found of an earlier run."""
     every = _count_tasks(tasks)
-    if missing < every:
-        text = f"{every - missing} of {every} tasks of depth were done by an earlier run"
-        remarks.append(remark("tasks-done-before", text))
-    return remarks
+    if missing == every:
+        return []
+    text = f"{every - missing} of {every} tasks of depth were done by an earlier run"
+    return [remark("tasks-done-before", text)]
 
 
 def _count_tasks(tasks: DepthTasks) -> int:

@@ -19,8 +19,8 @@ from usdfoliage.capture.video.settings import VideoSettings
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.json import read_json
+from usdfoliage.files.unwritten import describe_unwritten
 from usdfoliage.jobs.work.keys import task_key
-from usdfoliage.jobs.work.results import describe_unwritten
 from usdfoliage.progress import Progress
 from usdfoliage.remarks import Remark, Setting, remark
 
@@ -101,7 +101,7 @@ def lay_frames(
                 if _read_taken(folder) is None:  # else another run was faster
                     raise
         except OSError as error:
-            raise describe_unwritten(folder, error) from error
+            raise describe_unwritten(folder, error, goes_on=True) from error
         finally:
             shutil.rmtree(new, ignore_errors=True)
     else:

@@ -17,6 +17,7 @@ from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, rende
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import shrink_to, shrunk_size, write_picture
 from usdfoliage.jobs.report.table import ReportPicture, ReportView, Row, WrittenReport
+from usdfoliage.jobs.report.timings import write_step_times
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import list_sentences
 
@@ -118,12 +119,11 @@ def write_captured_report(
         of_photographs=measures.carved is not None,
         radius_low=f"{low:.2f}",
         radius_high=f"{high:.2f}",
-        seconds=[Row(name=name, value=f"{value:.2f}") for name, value in report.seconds.items()]
-        + [Row(name="all", value=f"{sum(report.seconds.values()):.2f}")],
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
     )
     index = folder / "index.html"
     index.write_text(page, encoding="utf-8")
+    write_step_times(folder, report.seconds)
     return WrittenReport(page=index, pictures=(ReportPicture(file=RADIUS_FACES, caption="radius faces"),))
 
 

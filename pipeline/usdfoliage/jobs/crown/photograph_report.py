@@ -14,7 +14,8 @@ from usdfoliage.geometry.cubemap import FACES
 from usdfoliage.jobs.crown.photograph import CrownMeasures
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import write_picture
-from usdfoliage.jobs.report.table import ReportView, Row, list_seconds
+from usdfoliage.jobs.report.table import ReportView, Row
+from usdfoliage.jobs.report.timings import write_step_times
 from usdfoliage.remarks import Remark, RenderSetting, list_sentences
 
 PICTURE_PX = 900  # longer side of the photograph in the report
@@ -43,7 +44,7 @@ class CrownReport:
     render_setting: RenderSetting
     settings: Mapping[str, str]
     views: Sequence[ReportView]
-    seconds: Mapping[str, float]
+    seconds: Mapping[str, float]  # by step; none where the report does not show them
 
 
 def write_crown_report(
@@ -77,11 +78,11 @@ def write_crown_report(
         measures=measure_rows(model, measures),
         radius_low=f"{low:.2f}",
         radius_high=f"{high:.2f}",
-        seconds=list_seconds(report.seconds),
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
     )
     index = folder / "index.html"
     index.write_text(page, encoding="utf-8")
+    write_step_times(folder, report.seconds)
     return index
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
+from usdfoliage.asset.asset_record import AssetOrigin
 from usdfoliage.asset.materials.leaf import LEAF_COLOR
 from usdfoliage.asset.packages.leaf_package import AssetSettings, write_crown_asset
 from usdfoliage.asset.provenance import Provenance
@@ -49,10 +50,16 @@ class CapturedCrownRequest:
     asset_settings: AssetSettings = field(default_factory=AssetSettings)
     species: str = ""
     force: bool = False
+    keep_old: bool = False  # what is replaced stays in a folder beside the new asset
     preview: bool = True
     times: bool = True  # whether the report lists how long each step took
     report_views: int = 6  # photographs that the report shows
     render_setting: RenderSetting = as_plan_setting  # how the report writes settings
+
+    @property
+    def origin(self) -> AssetOrigin:
+        """Of the asset."""
+        return AssetOrigin(name=self.name, command="crown", source=self.cloud.path.resolve().name)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,7 +118,9 @@ def make_captured_crown_asset(request: CapturedCrownRequest, progress: StepProgr
     Raises:
         FoliageError: The input is unusable, or the output cannot be written; nothing was changed.
     """
-    with publish_folder(request.output, force=request.force) as folder:
+    with publish_folder(
+        request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
+    ) as folder:
         found = find_captured_crown(request, progress)
         provenance = Provenance(
             species=request.species,
@@ -220,7 +229,9 @@ def _leaf_colors(plant: PlantPoints) -> NDArray[np.float64] | None:
 
 def plan_captured_crown_asset(request: CapturedCrownRequest) -> str:
     """What make_captured_crown_asset would do, in lines, after checking the input; writes nothing."""
-    would = plan_folder(request.output, f"{request.name}.usda", request.force)
+    would = plan_folder(
+        request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
+    )
     read = read_crown_capture(request.cloud)
     views = () if read.capture is None else read.capture.views
     masks, depths = (sum(getattr(view, what) is not None for view in views) for what in ("mask", "depth"))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
+from usdfoliage.asset.asset_record import AssetOrigin
 from usdfoliage.asset.packages.leaf_package import AssetSettings, write_crown_asset
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
@@ -50,8 +51,15 @@ class CrownRequest:
     color_space: str | None = None
     species: str = ""
     force: bool = False
+    keep_old: bool = False  # what is replaced stays in a folder beside the new asset
     preview: bool = True
+    times: bool = True  # whether the report shows how long each step took
     render_setting: RenderSetting = as_plan_setting  # how the report writes settings
+
+    @property
+    def origin(self) -> AssetOrigin:
+        """Of the asset."""
+        return AssetOrigin(name=self.name, command="crown", source=self.photo.resolve().name)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,7 +106,9 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
     Raises:
         FoliageError: The input is unusable, or the output cannot be written; nothing was changed.
     """
-    with publish_folder(request.output, force=request.force) as folder:
+    with publish_folder(
+        request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
+    ) as folder:
         given = read_crown_input(request)
         model, measures = reconstruct_crown(
             given.photo.linear, given.mask, request.settings, request.tangent_map, progress, given.foliage
@@ -118,10 +128,13 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
             _write_mask(folder / proposal.name, given.mask)
             _check_not_edited(proposal, folder / proposal.name, request.force)
             remedy = ("correct it and give it with ", Argument(name="mask"))
-            remarks.append(remark("mask-proposal-kept", f"the proposed mask is {proposal}", remedy=remedy))
+            remarks.append(
+                remark(
+                    "mask-proposal-kept", f"the proposed mask is {proposal.name} in the asset's folder", remedy=remedy
+                )
+            )
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
-        seconds = dict(measures.seconds)
         views: list[ReportView] = []
         if request.preview:
             try:
@@ -136,7 +149,7 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
             render_setting=request.render_setting,
             settings=provenance.settings,
             views=views,
-            seconds=seconds,
+            seconds=measures.seconds if request.times else {},
         )
         write_crown_report(report_folder, report, model, measures, given.photo.linear, given.mask)
         _keep_mask(request, folder)
@@ -151,7 +164,9 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
 
 def plan_crown_asset(request: CrownRequest) -> str:
     """What make_crown_asset would do, in lines, after checking the input; writes nothing."""
-    would = plan_folder(request.output, f"{request.name}.usda", request.force)
+    would = plan_folder(
+        request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
+    )
     given = read_crown_input(request)
     photo = given.photo
     rows, columns = np.nonzero(given.mask)

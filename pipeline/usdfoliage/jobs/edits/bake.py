@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 
 from usdfoliage import __version__
+from usdfoliage.asset.asset_record import AssetOrigin, is_asset_folder, read_origin
 from usdfoliage.asset.leaf_representations import check_memory, read_representations, read_settings
 from usdfoliage.asset.locate import find_leaves, require_leaves, select_leafy_lod, select_representation
 from usdfoliage.asset.looks.look import open_asset
+from usdfoliage.asset.own_files import own_folders
 from usdfoliage.asset.packages.contents import (
     PlantFacts,
     count_changed_patches,
+    files_left_out,
     find_crown,
     interface_of,
     matrix_in_plant,
@@ -33,7 +36,7 @@ from usdfoliage.asset.parts.leaf_primvars import animated_edits, read_leaf_primv
 from usdfoliage.asset.parts.leaves import ReadLeaves, read_leaves
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import package_versions
-from usdfoliage.asset.publish import is_asset_folder, plan_folder, publish_folder
+from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.asset.variants import REPRESENTATIONS
 from usdfoliage.errors import AssetError, FitError
 from usdfoliage.jobs.edits.edit import Value, changed_edits, show_value
@@ -66,6 +69,7 @@ class BakeRequest:
     resolution: tuple[int, int] | None
     source: str  # the representation that is read, bezier or nurbs
     force: bool = False
+    keep_old: bool = False  # what is replaced stays in a folder beside the new asset
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,7 +102,9 @@ def bake_asset(request: BakeRequest, progress: StepProgress | None = None) -> Ba
     Raises:
         FoliageError: The asset cannot be read or has no leaves, or the output cannot be written; nothing was changed.
     """
-    with publish_folder(request.output, force=request.force) as folder:
+    with publish_folder(
+        request.output, force=request.force, origin=find_bake_origin(request), keep_old=request.keep_old
+    ) as folder:
         given = read_bake_input(request, progress)
         if progress:
             progress("write", 0.5)
@@ -132,13 +138,33 @@ def bake_asset(request: BakeRequest, progress: StepProgress | None = None) -> Ba
     return BakedAsset(asset=request.output / interface.name, lines=tuple(_lines(request, given)), remarks=remarks)
 
 
+def find_bake_origin(request: BakeRequest) -> AssetOrigin:
+    """Of the new asset; an asset that is baked in its own folder stays one of its origin.
+
+    Raises:
+        AssetError: The asset that is read is none, or cannot be read.
+    """
+    interface, _ = interface_of(request.asset)
+    folder = interface.resolve().parent
+    in_place = request.output.resolve() == folder
+    name = asset_name(request.name or (interface.stem if in_place else request.output.resolve().name))
+    old = read_origin(folder) if in_place else None
+    return replace(old, name=name) if old is not None else AssetOrigin(name=name, command="bake", source=interface.stem)
+
+
 def plan_bake(request: BakeRequest, render: RenderSetting = as_plan_setting) -> str:
     """What bake_asset would do, in lines, after reading the asset; writes nothing. render: of settings in remarks."""
     given = read_bake_input(request)
     lines = [
         *_lines(request, given),
         *label_remarks(given.remarks, render),
-        plan_folder(request.output, f"{given.name}.usda", request.force),
+        plan_folder(
+            request.output,
+            f"{given.name}.usda",
+            request.force,
+            origin=find_bake_origin(request),
+            keep_old=request.keep_old,
+        ),
     ]
     return "\n".join(lines)
 
@@ -167,7 +193,13 @@ def read_bake_input(request: BakeRequest, progress: StepProgress | None = None) 
         select_representation(stage, "bezier")
     prim = require_leaves(stage, request.asset)[0]
     read = read_leaves(prim)
-    appearance = read_leaf_appearance(prim, read.jitter_map)
+    folders = own_folders(interface, None if look is None else look.path, prim)
+    appearance = read_leaf_appearance(prim, read.jitter_map, folders)
+    left_out = [] if others is None else files_left_out(interface)
+    if left_out:
+        more = f" and {len(left_out) - 3} more" if len(left_out) > 3 else ""
+        text = f"not copied into the new asset, since outside its folder or no picture: {', '.join(left_out[:3])}{more}"
+        remarks.append(remark("files-left-out", text))
     hidden = len(prim.GetAttribute("positions").Get() or ()) - len(read.leaves)
     if hidden:
         text = f"{hidden:,} {'leaf is' if hidden == 1 else 'leaves are'} hidden and left out"

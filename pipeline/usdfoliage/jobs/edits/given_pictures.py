@@ -4,6 +4,7 @@ from pathlib import Path
 
 from usdfoliage.asset.materials.jitter_map import read_jitter_map
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.library_text import library_text
 
 
 def check_pictures(texture: Path | None, jitter_map: Path | None) -> None:
@@ -25,6 +26,6 @@ def check_texture(path: Path) -> None:
     except TypeError as error:  # a name that is not valid Unicode
         raise CaptureError(f"the file name of {path!r} is not valid Unicode", "rename it") from error
     if source is None:
-        reason = (oiio.geterror() or "no reason given").splitlines()[0]
+        reason = library_text(oiio.geterror) or "no reason given"
         raise CaptureError(f"{path} is no image that can be read ({reason})", "use PNG, JPEG, TIFF or EXR")
     source.close()

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from usdfoliage import __version__
+from usdfoliage.asset.asset_record import AssetOrigin
 from usdfoliage.asset.leaf_representations import MAX_LEAVES_OF_ALL, needed_memory, note_bezier_alone
 from usdfoliage.asset.packages.leaf_package import write_leaf_asset
 from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings
@@ -38,6 +39,12 @@ class ScatterRequest:
     appearance: LeafAppearance
     chosen: bool  # whether the user named the representations
     force: bool = False
+    keep_old: bool = False  # what is replaced stays in a folder beside the new asset
+
+    @property
+    def origin(self) -> AssetOrigin:
+        """Of the asset."""
+        return AssetOrigin(name=self.name, command="scatter")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +63,9 @@ def scatter_asset(request: ScatterRequest, progress: StepProgress | None = None)
     Raises:
         FoliageError: A picture is unusable, or the output cannot be written; nothing was changed.
     """
-    with publish_folder(request.output, force=request.force) as folder:
+    with publish_folder(
+        request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
+    ) as folder:
         if progress:
             progress("leaves", 0.0)
         rng = np.random.default_rng(request.seed)
@@ -91,7 +100,9 @@ def plan_spray(request: ScatterRequest, render: RenderSetting = as_plan_setting)
         f"representations: {', '.join(request.settings.representations)}",
         *label_remarks(_remarks(request), render),
         f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
-        plan_folder(request.output, f"{request.name}.usda", request.force),
+        plan_folder(
+            request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
+        ),
     ]
     return "\n".join(lines)
 

@@ -170,7 +170,9 @@ def report_cloud_leaves(folder: Path, request: LeavesRequest, made: FoundCloudLe
 
 def plan_cloud_leaves_asset(request: LeavesRequest) -> str:
     """What make_cloud_leaves_asset would do, in lines, after reading the cloud; writes nothing."""
-    would = plan_folder(request.output, f"{request.name}.usda", request.force)
+    would = plan_folder(
+        request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
+    )
     source = read_cloud_input(
         request.capture, CloudInputSettings(metres_per_unit=None if request.unit is None else UNITS[request.unit])
     )

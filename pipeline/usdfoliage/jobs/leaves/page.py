@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from usdfoliage.jobs.leaves.pictures import SURE
 from usdfoliage.jobs.report.environment import render_template
-from usdfoliage.jobs.report.table import Histogram, ReportPhotograph, ReportPicture, Row, list_seconds
+from usdfoliage.jobs.report.table import Histogram, ReportPhotograph, ReportPicture, Row
+from usdfoliage.jobs.report.timings import write_step_times
 from usdfoliage.jobs.withheld.measure import MeasuredAsset
 from usdfoliage.leaf.model import Leaves, mean_leaf
 from usdfoliage.leaf.segmentation.model import Step
@@ -108,11 +109,11 @@ def write_leaves_page(
         cloud=content.cloud,
         left_out=content.left_out,
         views=content.views,
-        seconds=list_seconds(frame.seconds),
         settings=[Row(name=name, value=value) for name, value in frame.settings.items()],
     )
     index = folder / "index.html"
     index.write_text(page, encoding="utf-8")
+    write_step_times(folder, frame.seconds)
     return index
 
 

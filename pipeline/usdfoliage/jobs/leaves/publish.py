@@ -99,7 +99,9 @@ def publish_leaves(
     Raises:
         FoliageError: The input is unusable, or the output cannot be written; nothing was changed.
     """
-    with publish_folder(request.output, force=request.force) as folder:
+    with publish_folder(
+        request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
+    ) as folder:
         found = source.find(request, progress)
         seconds = dict(found.seconds)
         report = folder / REPORT

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from usdfoliage.asset.asset_record import AssetOrigin
 from usdfoliage.jobs.leaves.settings import LeavesRunSettings
 from usdfoliage.remarks import RenderSetting, as_plan_setting
 
@@ -27,4 +28,10 @@ class LeavesRequest:
     preview: bool = True
     times: bool = True  # whether the report lists how long each step took
     force: bool = False
+    keep_old: bool = False  # what is replaced stays in a folder beside the new asset
     render_setting: RenderSetting = as_plan_setting  # how the report writes settings
+
+    @property
+    def origin(self) -> AssetOrigin:
+        """Of the asset."""
+        return AssetOrigin(name=self.name, command="leaves", source=self.capture.resolve().name)

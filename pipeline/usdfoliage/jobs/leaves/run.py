@@ -220,7 +220,9 @@ def _measure(interface: Path, request: LeavesRequest, folder: Path, progress: Pr
 
 def plan_leaves_asset(request: LeavesRequest) -> str:
     """What make_leaves_asset would do, in lines, after looking at the capture; writes nothing."""
-    would = plan_folder(request.output, f"{request.name}.usda", request.force)
+    would = plan_folder(
+        request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
+    )
     capture = find_capture(request)
     first = read_view(capture, 0).camera
     depths = sum(view.depth is not None for view in capture.views)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from usdfoliage.asset.asset_record import AssetOrigin
 from usdfoliage.asset.validation.studio_profile import default_profile
 from usdfoliage.errors import AssetError, FoliageError
 from usdfoliage.files.hashing import digest_file
@@ -25,12 +26,19 @@ class BuildRequest:
     work: Path
     only: tuple[str, ...] = ()  # stages after which to stop
     profile: Path | None = None  # of the studio, for validation; None: the one that is shipped
-    force: bool = False  # replace an output that is not ours
+    force: bool = False  # replace an asset of another name or origin too
+    keep_old: bool = False  # what is replaced stays in a folder beside the new asset
     keep_invalid: bool = False  # put an asset that validation finds errors in into its place nevertheless
+    reproducible: bool = False  # leave out how long the run took: then equal runs give the same bytes
 
     @property
     def store(self) -> Store:
         return Store(folder=self.work)
+
+    @property
+    def origin(self) -> AssetOrigin:
+        """Of the asset."""
+        return AssetOrigin(name=self.name, command="build", source=self.capture.resolve().name)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

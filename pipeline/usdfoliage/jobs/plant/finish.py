@@ -10,13 +10,12 @@ from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.json import read_json
 from usdfoliage.jobs.plant.call import BuildRequest
-from usdfoliage.jobs.plant.pages.report import TaskTiming, Timings
-from usdfoliage.jobs.plant.pages.report_html import write_timings
 from usdfoliage.jobs.plant.record import use_plant
 from usdfoliage.jobs.plant.stages.report import FINISHED, VERDICT
 from usdfoliage.jobs.plant.store import copy_tree, hold_work_lock, read_stamp
 from usdfoliage.jobs.plant.tasks import REPORT, BuildPlan
 from usdfoliage.jobs.report.table import Row
+from usdfoliage.jobs.report.timings import TIMINGS, TaskTiming, Timings, write_timings
 from usdfoliage.jobs.work.results import write_whole
 from usdfoliage.remarks import Remark, Remedy, RenderSetting, explain_error, remark_from_json
 
@@ -106,9 +105,12 @@ def _finish(made: BuiltPlant, plan: BuildPlan, executor: str) -> BuiltPlant:
         return made
     key = plan.tasks[REPORT].key
     if not _is_in_place(request, key):
-        with publish_folder(request.output, force=request.force) as folder:
+        with publish_folder(
+            request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
+        ) as folder:
             copy_tree(result / FINISHED, folder)
-            write_timings(folder / "report", collect_timings(made, plan, executor))
+            if not request.reproducible:
+                write_timings(folder / "report", collect_timings(made, plan, executor))
         _note_place(request, key)
     return replace(made, asset=request.output / f"{request.name}.usda")
 
@@ -117,7 +119,8 @@ def _is_in_place(request: BuildRequest, key: str) -> bool:
     """Whether the output is, byte for byte, what an earlier run has put there of this very result."""
     try:
         record = read_json(request.store.published(request.output))
-        return bool(record["key"] == key and record["files"] == _digests_of(request))
+        as_asked = (f"report/{TIMINGS}" in record["files"]) != request.reproducible
+        return bool(as_asked and record["key"] == key and record["files"] == _digests_of(request))
     except (OSError, ValueError, KeyError, TypeError, CaptureError):
         return False
 

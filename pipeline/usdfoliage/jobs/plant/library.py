@@ -87,8 +87,12 @@ def _read_folder(folder: Path) -> LibraryList:
         paths = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
         for path in paths:
             if path.is_dir():
-                has_photographs = (path / IMAGES).is_dir() or (path / VIDEOS).is_dir()
-                if has_photographs or any(is_picture(each.name) for each in path.iterdir()):
+                try:
+                    has_photographs = (path / IMAGES).is_dir() or (path / VIDEOS).is_dir()
+                    has_photographs = has_photographs or any(is_picture(each.name) for each in path.iterdir())
+                except OSError:  # this plant fails, and the others are built
+                    has_photographs = True
+                if has_photographs:
                     entries.append(_entry(path, str(folder)))
                 else:
                     remedy = "put photographs there, or move the folder elsewhere"
@@ -152,7 +156,9 @@ def _split_csv(line: str, place: str) -> list[str]:
 
 
 def _entry(capture: Path, place: str, name: str = "", plan: Path | None = None) -> LibraryEntry:
-    named = name or (capture.stem if capture.suffix.lower() in CLOUD_SUFFIXES else capture.absolute().name)
+    named = name or (
+        capture.stem if capture.suffix.lower() in CLOUD_SUFFIXES else capture.name or capture.absolute().name
+    )
     return LibraryEntry(name=asset_name(named), capture=capture, plan=plan, place=place)
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import yaml
 
-from usdfoliage.asset.publish_file import publish_text
 from usdfoliage.errors import AssetError
+from usdfoliage.files.atomic import write_whole_files
 from usdfoliage.jobs.plant.farm_job import FarmJob, JobParameter
 from usdfoliage.jobs.plant.farm_steps import PUBLISH, Step
 from usdfoliage.jobs.plant.tasks import (
@@ -78,44 +78,51 @@ def make_template(job: FarmJob) -> dict[str, object]:
     }
 
 
-def write_template(path: Path, job: FarmJob, *, force: bool = False) -> Path:
-    """Write the template, and beside it the values of its parameters; returns the file with these.
+def values_file(template: Path) -> Path:
+    """The file beside a template that has the values of its parameters."""
+    return template.with_name(f"{template.stem}.parameters.yaml")
+
+
+def write_job(job: FarmJob, *, template: Path | None = None, bundle: Path | None = None, force: bool = False) -> None:
+    """Write a job as a template, as a bundle, or as both: all of their files appear, or none.
 
     Args:
-        path: Of the template.
-        job: Its content.
-        force: Replace a file that is no job's.
+        job: The content.
+        template: The job template; beside it go the values of its parameters, to values_file(template).
+        bundle: The folder of a job bundle as AWS Deadline Cloud takes it.
+        force: Replace a file that is no job's, and write into a folder that holds something else.
 
     Raises:
-        WriteError: A file cannot be written, or is no template; what was there is unchanged.
+        AssetError: A file is no template, or the folder holds something else.
+        WriteError: A file cannot be written; what was there is unchanged.
     """
-    _spare(path, force)
-    values = path.with_name(f"{path.stem}.parameters.yaml")
-    publish_text(values, _as_yaml(parameter_values(job)))
-    publish_text(path, _as_yaml(make_template(job)))
-    return values
+    files = []
+    if template is not None:
+        _spare(template, force)
+        files += [(values_file(template), _as_yaml(parameter_values(job))), (template, _as_yaml(make_template(job)))]
+    if bundle is not None:
+        _spare_folder(bundle, force)
+        files += _bundle_files(bundle, job)
+    write_whole_files(files)
 
 
-def write_bundle(folder: Path, job: FarmJob, *, force: bool = False) -> None:
-    """Write a job bundle as AWS Deadline Cloud takes it: the template last, without which there is no bundle.
-
-    Args:
-        folder: Of the bundle.
-        job: Its content.
-        force: Write into a folder that holds something else.
-
-    Raises:
-        WriteError: A file cannot be written, or the folder holds no bundle; what was there is unchanged.
-    """
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / "template.yaml").is_file() and not force:
-        raise AssetError(f"{folder} holds something else than a bundle", ("name another folder, or give ", _FORCE))
-    _spare(folder / "template.yaml", force)
+def _bundle_files(folder: Path, job: FarmJob) -> list[tuple[Path, bytes]]:
+    """The template last, without which there is no bundle."""
     values = [{"name": name, "value": value} for name, value in parameter_values(job).items()]
     # Deadline finds the files of PATH parameters itself.
     references = {"inputs": {"filenames": [], "directories": []}, "outputs": {"directories": []}, "referencedPaths": []}
-    publish_text(folder / "parameter_values.yaml", _as_yaml({"parameterValues": values}))
-    publish_text(folder / "asset_references.yaml", _as_yaml({"assetReferences": references}))
-    publish_text(folder / "template.yaml", _as_yaml(make_template(job)))
+    return [
+        (folder / "parameter_values.yaml", _as_yaml({"parameterValues": values})),
+        (folder / "asset_references.yaml", _as_yaml({"assetReferences": references})),
+        (folder / "template.yaml", _as_yaml(make_template(job))),
+    ]
+
+
+def _spare_folder(folder: Path, force: bool) -> None:
+    """AssetError for a folder that holds something else than a bundle."""
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / "template.yaml").is_file() and not force:
+        raise AssetError(f"{folder} holds something else than a bundle", ("name another folder, or give ", _FORCE))
+    _spare(folder / "template.yaml", force)
 
 
 def _spare(path: Path, force: bool) -> None:
@@ -189,5 +196,5 @@ def _define_step(job: FarmJob, step: Step) -> dict[str, object]:
     }
 
 
-def _as_yaml(value: object) -> str:
-    return yaml.safe_dump(value, sort_keys=False, allow_unicode=True, width=120)
+def _as_yaml(value: object) -> bytes:
+    return yaml.safe_dump(value, sort_keys=False, allow_unicode=True, width=120, encoding="utf-8")

@@ -27,7 +27,9 @@ def describe_plan(request: BuildRequest, where: ExecutorChoice, render: RenderSe
     Raises:
         FoliageError: The input is unusable, or the output cannot be written.
     """
-    would = plan_folder(request.output, f"{request.name}.usda", request.force)
+    would = plan_folder(
+        request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
+    )
     if request.only:
         would = f"nothing is put into {request.output}: it stops after {', '.join(request.only)}"
     inputs, plan = plan_plant(request, "files")

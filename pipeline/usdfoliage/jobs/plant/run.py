@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from usdfoliage.errors import FoliageError
+from usdfoliage.files.reading import refusals_described
 from usdfoliage.jobs.plant.call import BuildRequest, digest_profile, inputs_of
 from usdfoliage.jobs.plant.dask_workers import connect_dask
 from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
@@ -38,7 +39,8 @@ def plan_plant(
     Raises:
         FoliageError: The inputs cannot be used.
     """
-    inputs = inputs_of(request, digest_by, progress)
+    with refusals_described():
+        inputs = inputs_of(request, digest_by, progress)
     plan = plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
     return inputs, expect_times(plan, request.store)
 

@@ -30,12 +30,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from usdfoliage.capture.folder.listing import explain_lost_link, leads_nowhere
-from usdfoliage.errors import FoliageError, WriteError
+from usdfoliage.errors import FoliageError
 from usdfoliage.files.hashing import digest_file, digest_text, hash_file
 from usdfoliage.files.json import read_json
 from usdfoliage.files.locks import lacks_locks, open_lock, open_old_lock, try_lock, wait_for_lock
+from usdfoliage.files.reading import describe_unread
+from usdfoliage.files.unwritten import describe_unwritten, is_of_another_file, with_users_names
 from usdfoliage.jobs.work.keys import task_key
-from usdfoliage.jobs.work.results import describe_unwritten, write_whole
+from usdfoliage.jobs.work.results import write_whole
 
 logger = logging.getLogger(__name__)
 
@@ -220,14 +222,21 @@ def fill_result(store: Store, key: str) -> Iterator[Path]:
     try:
         new.mkdir(parents=True)
         try:
-            yield new
+            try:
+                yield new
+            except OSError as error:
+                if is_of_another_file(error, new, there):
+                    raise describe_unread(error) from error
+                raise
             if stamp_mark(store, key) in (0, before):
                 store.stamp(key).unlink(missing_ok=True)
                 _replace(new, there)
+        except FoliageError as error:
+            raise with_users_names(error, new, there) from error
         finally:
             _remove(new)
     except OSError as error:
-        raise describe_unwritten(there, error) from error
+        raise describe_unwritten(there, error, goes_on=True) from error
 
 
 def drop_result(store: Store, key: str) -> None:
@@ -312,7 +321,7 @@ def _open_lock(path: Path) -> int:
         path.parent.mkdir(parents=True, exist_ok=True)
         return open_lock(path)
     except OSError as error:
-        raise WriteError(f"{path} cannot be written: {error.strerror}", "name another work folder") from error
+        raise describe_unwritten(path, error, what="cannot be written", place="work folder") from error
 
 
 def copy_tree(source: Path, target: Path, *, link: bool = False) -> None:
@@ -341,7 +350,9 @@ def copy_tree(source: Path, target: Path, *, link: bool = False) -> None:
                         raise
             shutil.copyfile(path, there)
         except OSError as error:
-            raise describe_unwritten(there, error) from error
+            if is_of_another_file(error, there):
+                raise describe_unread(error) from error
+            raise describe_unwritten(there, error, goes_on=True) from error
 
 
 def remove_leftovers(store: Store) -> None:

@@ -7,7 +7,6 @@ import logging
 import math
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -20,7 +19,7 @@ from usdfoliage.asset.locate import lost_layers, try_layer
 from usdfoliage.asset.looks.look import open_root_layer, read_look
 from usdfoliage.asset.packages.contents import irregular_files
 from usdfoliage.errors import AssetError, PreviewError
-from usdfoliage.files.atomic import replace_file
+from usdfoliage.files.atomic import write_whole_files
 from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
@@ -152,13 +151,14 @@ def render_views(
     Raises:
         ValueError: No views.
         PreviewError: The interpreter or OpenGL is missing or failed, or the file cannot be drawn or shows nothing.
+        WriteError: A picture cannot be written.
     """
     if not views:
         raise ValueError("there are no views to draw")
     pictures = draw_views(usd_file, views, settings, progress)
     encoded = [encode_png(finish_picture(picture, settings.background)) for picture in pictures]
     outputs = [view.output for view in views]
-    _write_together(list(zip(outputs, encoded, strict=True)))
+    write_whole_files(list(zip(outputs, encoded, strict=True)))
     return outputs
 
 
@@ -180,22 +180,22 @@ def render_turntable(
     """
     if frames < 2:
         raise ValueError(f"a turntable needs at least 2 frames, not {frames}")
-    digits = max(3, len(str(frames - 1)))
     views = [
-        PreviewView(
-            output=output.with_name(f"{output.stem}_{number:0{digits}}{output.suffix}"),
-            direction="turntable",
-            turn_rad=2 * math.pi * number / frames,
-            group="turntable",
-        )
-        for number in range(frames)
+        PreviewView(output=frame, direction="turntable", turn_rad=2 * math.pi * number / frames, group="turntable")
+        for number, frame in enumerate(turntable_frames(output, frames))
     ]
     pictures = draw_views(usd_file, views, settings, progress)
     sheet = encode_png(finish_picture(arrange_sheet(pictures), settings.background))
     encoded = [encode_png(finish_picture(picture, settings.background)) for picture in pictures]
     outputs = [*(view.output for view in views), output]
-    _write_together(list(zip(outputs, [*encoded, sheet], strict=True)))
+    write_whole_files(list(zip(outputs, [*encoded, sheet], strict=True)))
     return outputs
+
+
+def turntable_frames(output: Path, frames: int) -> list[Path]:
+    """The files of a turntable's frames, beside the sheet."""
+    digits = max(3, len(str(frames - 1)))
+    return [output.with_name(f"{output.stem}_{number:0{digits}}{output.suffix}") for number in range(frames)]
 
 
 def draw_views(
@@ -276,16 +276,6 @@ def encode_png(picture: NDArray[np.uint8]) -> bytes:
     order = cv2.COLOR_RGB2BGR if picture.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
     _, data = cv2.imencode(".png", cv2.cvtColor(picture, order))
     return bytes(data)
-
-
-def _write_together(files: Sequence[tuple[Path, bytes]]) -> None:
-    """Write all files beside their places, then rename all."""
-    try:
-        with ExitStack() as places:
-            for path, data in files:
-                places.enter_context(replace_file(path)).write_bytes(data)
-    except OSError as error:
-        raise PreviewError(f"cannot write the picture: {error.strerror} ({error.filename})") from error
 
 
 def file_to_draw(usd_file: Path, work: Path) -> Path:

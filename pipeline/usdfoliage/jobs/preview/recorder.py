@@ -18,6 +18,7 @@ from typing import Any
 
 from usdfoliage.asset.resources import resource_folder
 from usdfoliage.errors import PreviewError
+from usdfoliage.files.children import bound_command
 from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
@@ -79,7 +80,7 @@ def run_recorder(
     with complaints_file.open("wb") as complaints:
         try:
             process = subprocess.Popen(
-                [str(python), str(recorder), str(request_file), str(result_file)],
+                bound_command([str(python), str(recorder), str(request_file), str(result_file)]),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=complaints,

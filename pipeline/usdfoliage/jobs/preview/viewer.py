@@ -32,6 +32,7 @@ from usdfoliage.asset.packages.contents import representations, require_plant
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.asset.resources import resource_folder
 from usdfoliage.errors import FoliageError, PreviewError
+from usdfoliage.files.children import bound_command
 from usdfoliage.files.json import read_json
 from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.jobs.preview.pictures import file_to_draw, write_dome
@@ -105,7 +106,9 @@ def _run_window(python: Path, request: Mapping[str, Any], work: Path) -> None:
     with complaints_file.open("wb") as complaints:
         try:
             process = subprocess.Popen(
-                [str(python), str(viewer), str(request_file), str(result_file), str(asks), str(answered)],
+                bound_command(
+                    [str(python), str(viewer), str(request_file), str(result_file), str(asks), str(answered)]
+                ),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=complaints,

@@ -7,18 +7,18 @@ other photographs or settings does again only what they touch. The folder may be
 import errno
 import logging
 import os
-import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.errors import CaptureError, WriteError
+from usdfoliage.errors import CaptureError
 from usdfoliage.files.atomic import replace_file
 from usdfoliage.files.locks import lacks_locks, open_lock, try_lock
 from usdfoliage.files.npz import DAMAGED, find_damage, read_arrays, write_arrays
+from usdfoliage.files.unwritten import describe_unwritten
 
 logger = logging.getLogger(__name__)
 
@@ -38,13 +38,14 @@ def lock_work(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         lock = open_lock(folder / _LOCK)
     except OSError as error:
-        raise WriteError(f"{folder} cannot be written: {error.strerror}", "choose another folder with -o") from error
+        raise describe_unwritten(folder, error, what="cannot be written") from error
     try:
         if not _lock(lock, folder):
             holder = os.read(lock, 80).decode(errors="replace").strip() or "unknown"
             raise CaptureError(f"{folder} is in use by another run ({holder})", "wait until it ends, or end it")
-        os.ftruncate(lock, 0)
-        os.pwrite(lock, f"process {os.getpid()} on {os.uname().nodename}\n".encode(), 0)
+        with suppress(OSError):  # on a full disk: who has it is a help for others, and what is written next is named
+            os.ftruncate(lock, 0)
+            os.pwrite(lock, f"process {os.getpid()} on {os.uname().nodename}\n".encode(), 0)
         yield
     finally:
         os.close(lock)
@@ -69,13 +70,13 @@ def write_result(path: Path, arrays: Mapping[str, NDArray[np.generic]], *, compr
     try:
         write_arrays(path, arrays, compressed=compressed)
     except OSError as error:
-        raise describe_unwritten(path, error) from error
+        raise describe_unwritten(path, error, goes_on=True) from error
 
 
 def read_result(path: Path, names: Iterable[str] | None = None) -> dict[str, NDArray[np.generic]] | None:
     """The arrays of a result, or those of these names; None where there is none, or what is read is damaged."""
     try:
-        return read_arrays(path, names)
+        return read_arrays(path, names, sealed=True)
     except FileNotFoundError:
         return None
     except DAMAGED as error:
@@ -104,20 +105,7 @@ def write_whole(path: Path, data: bytes | memoryview) -> None:
         with replace_file(path) as new:
             new.write_bytes(data)
     except OSError as error:
-        raise describe_unwritten(path, error) from error
-
-
-def describe_unwritten(path: Path, error: OSError) -> WriteError:
-    """The error about a file of a work folder that cannot be written."""
-    text = f"{path} was not written: {error.strerror or error}"
-    remedy = "put that right"
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        there = path
-        while not there.exists():
-            there = there.parent
-        text += f", {shutil.disk_usage(there).free / 1e6:,.0f} MB are free"
-        remedy = "make room"
-    return WriteError(text, f"{remedy}, then the same command goes on from here")
+        raise describe_unwritten(path, error, goes_on=True) from error
 
 
 def forget(folder: Path, keep: Iterable[Path] = ()) -> None:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.stages.models import LEAVES_MODEL
@@ -35,6 +36,29 @@ def test_a_cloud_keeps_its_own_leaves_where_they_are_enough(tmp_path, min_in_clo
     assert ("cloud-leaves-few" in codes) != kept
     if kept:
         assert len(read_leaves_model(out / LEAVES_MODEL).leaves) >= 20
+
+
+def test_a_cloud_in_hardly_any_places_is_named_with_what_to_do(tmp_path):
+    """As one whose coordinates were rounded to metres."""
+    rng = np.random.default_rng(1)
+    cloud = write_ply(tmp_path / "scan.ply", np.rint(rng.random((600, 3))))
+    out = tmp_path / "result"
+    out.mkdir()
+    call = SimpleNamespace(
+        request=SimpleNamespace(capture=cloud, name="shrub"),
+        settings=BuildSettings(),
+        out=out,
+        threads=1,
+        progress=None,
+        has=lambda name: False,
+    )
+    assert find_leaves(call) == ()
+    assert not (out / LEAVES_MODEL).is_file()
+    (found,) = read_summary(out).remarks
+    assert found.code == "part-failed"
+    assert found.severity == "warning"
+    assert f"{cloud} has 8 usable points in different places" in found.text
+    assert "with all digits of its coordinates" in "".join(map(str, found.remedy))
 
 
 def test_a_threshold_below_none_is_refused():

@@ -4,11 +4,12 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 from pxr import Usd
+from usdfoliage.asset.asset_record import foreign_files, is_asset_folder
 from usdfoliage.asset.packages.contents import interface_of, read_plant_facts
-from usdfoliage.asset.publish import foreign_files, is_asset_folder
 from usdfoliage.asset.validation.validate import validate_asset
 from usdfoliage.branch.cage.build import build_branch_cage
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
@@ -31,7 +32,7 @@ def write_model(part: str, folder: Path) -> None:
     (folder / "report").mkdir(parents=True)
     (folder / "report" / "index.html").write_text("a page")
     if part == "leaves":
-        (folder / "average_leaf.png").write_bytes(b"a picture")
+        cv2.imwrite(str(folder / "average_leaf.png"), np.full((8, 8, 4), 128, np.uint8))
         model = LeavesModel(leaves=two_leaves(), asset_from_capture=FRAME, texture_color=(0.1, 0.2, 0.1))
         write_leaves_model(folder / "leaves.npz", model)
     elif part == "crown":

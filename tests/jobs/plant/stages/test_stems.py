@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from usdfoliage.branch.photographs.joining import JoinedStems, StemPiece
+from usdfoliage.branch.photographs.joined import JoinedStems, StemPiece
 from usdfoliage.branch.photographs.no_stems import NoStems
 from usdfoliage.errors import CaptureError, FitError, WriteError
 from usdfoliage.jobs.branches.known_stems import KnownStems

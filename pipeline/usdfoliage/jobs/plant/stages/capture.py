@@ -6,11 +6,15 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
+
 from usdfoliage.capture.folder.hold_back import choose_withheld
 from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, counted, file_of, files_below, named
 from usdfoliage.capture.folder.read import Capture
 from usdfoliage.capture.folder.settings import FILE_NAME, state_frame
+from usdfoliage.capture.mask_place import describe_moves, measure_move
 from usdfoliage.capture.poses.model_without import write_model_without
+from usdfoliage.capture.view_check import refuse_inverted_masks
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture.depth_tasks import (
     DepthTasks,
@@ -18,6 +22,7 @@ from usdfoliage.jobs.capture.depth_tasks import (
     PreparedViews,
     plan_tasks,
     prepare_views,
+    read_pixels,
     run_tasks,
 )
 from usdfoliage.jobs.capture.find_photographs import find_photographs
@@ -39,11 +44,12 @@ from usdfoliage.jobs.plant.summary import StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import POSES
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.results import WORK, has_result, write_whole
-from usdfoliage.remarks import Setting, merge_remarks, remark
+from usdfoliage.remarks import Remark, Setting, merge_remarks, remark
 
 WITHHELD = "withheld"  # beside the capture that the plant is made of
 _MIN_LEFT = 2  # photographs that depth takes
 _MAX_NAMED = 5  # photographs with the reason why they are left out
+_CHECKED_MASKS = 16  # evenly chosen: masks are inverted or displaced by the program that made them all
 
 
 def capture_folder(call: StageCall, task: str) -> Path:
@@ -93,9 +99,10 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
     if withheld:
         write_whole(call.out / WITHHELD / capture_name(call) / FILE_NAME, stated)
     prepared = _prepare(read_posed(capture, None).capture, store_of_views(call), settings, call.threads)
+    of_masks = _check_masks(prepared)
     failures = failures_of(posed, prepared.dropped)
     failures = {name: reason for name, reason in failures.items() if name not in withheld}
-    remarks = [*call.inputs.remarks, *posed.remarks, *prepared.remarks, *(prepared.checks if known else ())]
+    remarks = [*call.inputs.remarks, *posed.remarks, *prepared.remarks, *of_masks, *(prepared.checks if known else ())]
     if failures:
         remarks = [each for each in remarks if each.code != "photographs-unusable"]  # the next remark names them all
         text = (
@@ -107,6 +114,19 @@ def find_poses(call: StageCall) -> tuple[ResultFile, ...]:
     rows = _pose_rows(call, posed, prepared, known=known, withheld=len(withheld))
     write_summary(call.out, StageSummary(rows=rows, remarks=merge_remarks(remarks)))
     return describe_files(call.store, [view.pixels for view in prepared.views])
+
+
+def _check_masks(prepared: PreparedViews) -> tuple[Remark, ...]:
+    """What photographs show of faults of the masks that they came with, before anything is matched within these.
+
+    Raises:
+        CaptureError: The masks show all but the plant.
+    """
+    masked = [view for view in prepared.views if view.chosen.mask is not None]
+    some = np.unique(np.linspace(0, len(masked) - 1, min(len(masked), _CHECKED_MASKS)).round().astype(int))
+    views = [read_pixels(masked[number]) for number in some]
+    refuse_inverted_masks(views)
+    return describe_moves([measure_move(view.srgb, view.mask) for view in views if view.mask is not None])
 
 
 def _pose_rows(

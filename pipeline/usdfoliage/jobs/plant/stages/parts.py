@@ -197,20 +197,22 @@ def find_leaves(call: StageCall) -> tuple[ResultFile, ...]:
         found = find_capture_leaves(request, call.progress)
     except FoliageError as error:
         return _go_without(call, "leaves", error)
+    # Masks that the photographs came with were checked before anything was matched within them.
+    remarks = [each for each in found.remarks if each.code != "masks-beside-plant"]
     report = _report_folder(call)
     texture = ""
     if found.found.texture is not None:
         texture = AVERAGE_LEAF
         for folder in (call.out, report):
             (folder / texture).write_bytes(encode_texture(found.found.texture))
-    written = report_leaves(report, request, found, RunFacts(remarks=found.remarks, seconds=found.seconds), texture)
+    written = report_leaves(report, request, found, RunFacts(remarks=remarks, seconds=found.seconds), texture)
     write_leaves_model(call.out / LEAVES_MODEL, found.model)
     pictures = _pictures_of(written)
     if texture:
         pictures.append(StagePicture(file=texture, caption="The average leaf"))
     summary = StageSummary(
         rows=measure_rows(found.leaves),
-        remarks=found.remarks,
+        remarks=remarks,
         pictures=pictures,
         detail=f"{REPORT_FOLDER}/index.html",
     )
