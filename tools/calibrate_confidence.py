@@ -26,7 +26,7 @@ from usdfoliage.capture.mvs.upsampling import enlarge_depth
 from usdfoliage.capture.view import View
 from usdfoliage.leaf.reconstruct import reconstruct_leaves
 from usdfoliage.leaf.segmentation.dense.choice import measure_pool
-from usdfoliage.leaf.segmentation.dense.pool import ProposalFacts, rate_proposals
+from usdfoliage.leaf.segmentation.dense.pool import WEIGHTS, ProposalFacts, rate_proposals
 from usdfoliage.leaf.segmentation.dense.segment import propose_in_passes
 from usdfoliage.leaf.segmentation.dense.settings import DenseSegmentationSettings
 
@@ -52,7 +52,7 @@ MADE = (
 )  # fmt: skip
 # Of a match the limit is 0.08; a stricter one puts the nearest of the proposals of one leaf first.
 RIGHT_PROPOSAL = 0.06
-PROPOSAL_FACTS = tuple(ProposalFacts.__dataclass_fields__)
+PROPOSAL_FACTS = tuple(WEIGHTS)
 
 Array = NDArray[np.float64]
 

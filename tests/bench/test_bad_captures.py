@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from usdfoliage.capture.view_check import check_views
 
 from tools.bench.bad_captures import Outcome, find_misses, run_capture
 from tools.synthetic.spoiled import KINDS, SMALL, SpoilSettings, spoil_capture
@@ -53,3 +54,9 @@ def test_what_is_worse_than_it_may_be_is_named():
 def test_kinds_that_are_unknown_are_refused():
     with pytest.raises(ValueError, match="kind must be one of good"):
         SpoilSettings(kind="worse")
+
+
+@pytest.mark.parametrize(("kind", "codes"), [("good masks", []), ("masks shifted", ["masks-beside-plant"])])
+def test_shifted_masks_are_reported_and_good_ones_are_not(kind, codes):
+    views = spoil_capture(SpoilSettings(kind=kind, scene=TINY)).views
+    assert [each.code for each in check_views(views) if each.code == "masks-beside-plant"] == codes

@@ -20,7 +20,10 @@ def test_a_case_or_two_of_every_kind(tmp_path):
     assert not (tmp_path / "faults").exists()
 
 
-@pytest.mark.parametrize("kind", ["broken photographs", "toml made"])
+@pytest.mark.parametrize(
+    "kind",
+    ["broken photographs", "toml made", "usd made", "usd texture", "found in", "small files", "TMPDIR", "other users"],
+)
 def test_input_that_is_made_on_purpose(tmp_path, kind):
     ended = run_bench(tmp_path, "--kind", kind)
     assert ended.returncode == 0, ended.stdout + ended.stderr

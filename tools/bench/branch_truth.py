@@ -1,8 +1,17 @@
-"""A true tree, what a traced skeleton is worth against it, and the skeleton that any tool should beat."""
+#!/usr/bin/env python3
+"""A true tree, what a traced skeleton is worth against it, and the skeleton that any tool should beat.
 
+usage: tools/bench/branch_truth.py ASSET CAPTURE     prints every measure of an asset's branches
+
+CAPTURE/truth/skeleton.json is the true skeleton. A place of one skeleton is found where the other comes as near as
+3 cm, or twice the true radius where that is more.
+"""
+
+import argparse
 import json
+import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +50,7 @@ class BranchScores:
 def read_true_skeleton(path: Path) -> Skeleton:
     """The skeleton that a simulated tree was grown with, Y up; the capture is Z up."""
     content = json.loads(path.read_text(encoding="utf-8"))
-    nodes = np.asarray(content["nodes"], float)[:, [0, 2, 1]] * [1, 1, -1]
+    nodes = _turn_up(np.asarray(content["nodes"], float))
     parent, order, radius_m = content["parent"], content["order"], np.asarray(content["radius"], float)
     goes_on: dict[int, int] = {}
     for node, above in enumerate(parent):
@@ -55,6 +64,37 @@ def read_true_skeleton(path: Path) -> Skeleton:
             chain.append(goes_on[chain[-1]])
         chains.append(chain)
     return skeleton_of_chains(nodes, radius_m, chains)
+
+
+def read_asset_skeleton(asset: Path) -> Skeleton:
+    """The skeleton of an asset, in the frame of read_true_skeleton.
+
+    Raises:
+        FoliageError: It is no asset.
+        ValueError: It has no skeleton.
+    """
+    from pxr import Usd
+    from usdfoliage.asset.locate import find_interface
+    from usdfoliage.asset.parts.branches import read_skeleton
+
+    stage = Usd.Stage.Open(str(find_interface(asset)))
+    prim = next((prim for prim in stage.Traverse() if prim.HasAPI("FoliageSkeletonAPI")), None)
+    if prim is None:
+        raise ValueError(f"{asset} has no skeleton of branches")
+    skeleton = read_skeleton(prim)
+    attribute = stage.GetDefaultPrim().GetAttribute("foliage:captureToAsset")
+    asset_from_capture = np.array(attribute.Get()).T if attribute and attribute.HasValue() else np.eye(4)
+    back = np.linalg.inv(asset_from_capture)
+    return replace(
+        skeleton,
+        points_m=_turn_up(skeleton.points_m @ back[:3, :3].T + back[:3, 3]),
+        radius_m=skeleton.radius_m * float(np.cbrt(np.linalg.det(back[:3, :3]))),
+    )
+
+
+def _turn_up(points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """From the capture's frame, Z up, to Y up."""
+    return points_m[:, [0, 2, 1]] * [1, 1, -1]
 
 
 def skeleton_of_chains(
@@ -183,3 +223,21 @@ def _path_to_root(vertex: int, above: NDArray[np.int64]) -> list[int]:
         path.append(vertex)
         vertex = int(above[vertex])
     return path
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("asset", type=Path)
+    parser.add_argument("capture", type=Path, help="with truth/skeleton.json")
+    options = parser.parse_args()
+    scores = score_skeleton(
+        read_asset_skeleton(options.asset), read_true_skeleton(options.capture / "truth" / "skeleton.json")
+    )
+    for entry in fields(scores):
+        values = np.atleast_1d(getattr(scores, entry.name))
+        print(f"{entry.name:<28}{' '.join(f'{value:.6g}' for value in values)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

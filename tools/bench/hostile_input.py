@@ -1,6 +1,7 @@
 """Damaged files given to every command that reads them: none may crash, hang, or leave half an output.
 
 usage: tools/bench/hostile_input.py [--seed N] [--share S] [--no-named] [--kind TEXT …] [-o FOLDER] [--lanes N]
+       [--minutes M]
 
 Each case damages one of the small valid files that the project makes of every kind, and runs one command on it in a
 process of its own, of at most 10 s of the processor and 6 GiB. A command may end with 0, with 2 and one line that
@@ -20,7 +21,8 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from tools.fuzz.cases import Case, random_cases
+from tools.fuzz.cases import Case, found_cases, random_cases
+from tools.fuzz.hard_cases import hard_cases
 from tools.fuzz.isolation import Ended, Running, import_commands, poll_command, start_command
 from tools.fuzz.judgement import State, find_faults, folder_state
 from tools.fuzz.named_cases import named_cases
@@ -29,19 +31,25 @@ TOOLS = Path(__file__).resolve().parents[1]
 COLUMNS = ("cases", "good", "refused", "faults", "slowest")
 
 
-def run_cases(cases: list[Case], scratch: Path, lanes: int) -> list[tuple[Case, Ended, list[str]]]:
+def run_cases(
+    cases: list[Case], scratch: Path, lanes: int, minutes: float | None = None
+) -> list[tuple[Case, Ended, list[str]]]:
     """Run cases, as many at once as there are lanes; folders of those without fault are removed."""
     waiting = list(enumerate(cases))[::-1]
+    end = None if minutes is None else time.monotonic() + 60 * minutes
     running: dict[int, tuple[Case, Running, State]] = {}
     results: dict[int, tuple[Case, Ended, list[str]]] = {}
     while waiting or running:
+        if end is not None and time.monotonic() > end:
+            waiting.clear()
         while waiting and len(running) < lanes:
             number, case = waiting.pop()
             folder = scratch / f"{number:04d}"
             folder.mkdir()
             case.prepare(folder)
             before = folder_state(folder)
-            running[number] = case, start_command(case.words, folder, scratch / f"{number:04d}"), before
+            streams = scratch / f"{number:04d}"
+            running[number] = case, start_command(case.words, folder, streams, case.harden), before
         for number in list(running):
             case, one, before = running[number]
             ended = poll_command(one)
@@ -95,6 +103,7 @@ def main() -> int:
     parser.add_argument("--no-named", action="store_true", help="only random damage")
     parser.add_argument("--kind", nargs="+", default=[""], help="only kinds with one of these texts in their names")
     parser.add_argument("-o", "--output", type=Path, default=Path("out/fuzz"), help="for faults (%(default)s)")
+    parser.add_argument("--minutes", type=float, help="start no case after so many (all cases)")
     parser.add_argument("--lanes", type=int, default=os.cpu_count() or 1, help="cases at once (all cores)")
     options = parser.parse_args()
 
@@ -106,10 +115,10 @@ def main() -> int:
             [sys.executable, TOOLS / "fuzz" / "seeds.py", seeds], check=True, stdout=subprocess.DEVNULL
         )  # elsewhere, as threads do not live through a fork
         import_commands()
-        named = [] if options.no_named else named_cases(seeds)
+        named = [] if options.no_named else [*named_cases(seeds), *found_cases(seeds), *hard_cases(seeds, options.seed)]
         cases = [*named, *random_cases(seeds, options.seed, options.share)]
         cases = [case for case in cases if any(text in case.kind for text in options.kind)]
-        results = run_cases(cases, scratch, options.lanes)
+        results = run_cases(cases, scratch, options.lanes, options.minutes)
         for number, (case, ended, faults) in enumerate(results):
             if faults:
                 name = f"{case.kind} {case.number} {case.mutation}".replace("/", "_").replace(" ", "-")

@@ -3,7 +3,7 @@
 import shutil
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from tools.fuzz.mutations import BYTES, PLACES, TEXT, TOML
 _SMALL = ("--size", "32", "--mesh-size", "17", "--no-preview")
 _CROWN = ("crown", "photo/oak.png", "--mask", "photo/mask.png", *_SMALL, "-o", "out")
 _LARCH = ("branches", "cloud/tree.ply", "--species-file", "toml/species.toml", "--species", "larch")
+CHILDREN_KILLED = "children killed"  # a kind of cases
 _FAST = ("--settings", "bed/fast.toml", "--no-report")
 
 
@@ -41,6 +42,7 @@ class Case:
     words: Sequence[str]  # of the command line, paths below the folder of the case
     prepare: Callable[[Path], None]  # makes that folder
     names_file: bool = True  # whether a refusal must name the target
+    harden: Callable[[], None] | None = None  # what is done to the process of the command, in the case's folder
 
 
 def _photograph(name: str) -> Kind:
@@ -204,11 +206,25 @@ KINDS: tuple[Kind, ...] = (
 )
 
 
+# Seed, kind and number of what had a fault once.
+FOUND: tuple[tuple[int, str, int], ...] = (
+    (4711, "plants/spray/payload/leaves.usdc", 22),  # a value of a crate that cannot be unpacked, in edit
+    (4711, "plants/crown/maps/crown_crown_radius.exr", 1),  # a header that is no Unicode, in validate
+)
+
+
 def random_cases(seeds: Path, seed: int, share: float = 1.0) -> list[Case]:
     """The cases of every kind; a share of them for a quick look. The same seed gives the same bytes."""
     return [
         _random_case(seeds, kind, number, seed) for kind in KINDS for number in range(max(1, round(kind.cases * share)))
     ]
+
+
+def found_cases(seeds: Path) -> list[Case]:
+    """The cases with a fault of earlier runs, each of which was mended then."""
+    kinds = {kind.name: kind for kind in KINDS}
+    cases = [_random_case(seeds, kinds[name], number, seed) for seed, name, number in FOUND]
+    return [replace(case, kind=f"found in {case.kind}") for case in cases]
 
 
 def _random_case(seeds: Path, kind: Kind, number: int, seed: int) -> Case:

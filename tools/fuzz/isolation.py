@@ -6,11 +6,12 @@ import resource
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from usdfoliage.__main__ import COMMANDS, main
+from usdfoliage.cli.box import TIME_VARIABLE
 
 JOBS = (
     "jobs.branches.run",
@@ -25,6 +26,7 @@ JOBS = (
 )
 TIME_LIMIT_S = 10.0  # of the processor
 WAITING_LIMIT_S = 40.0  # by the clock: other work of the machine may take most of it
+BOX_LIMIT_S = 8.0  # by the clock: of commands in a box, whose end by it is a refusal
 MEMORY_LIMIT_BYTES = 6 * 2**30
 
 
@@ -56,8 +58,17 @@ def import_commands() -> None:
         importlib.import_module(f"usdfoliage.{module}")
 
 
-def start_command(words: Sequence[str], folder: Path, streams: Path) -> Running:
-    """Run a command of usdfoliage in a folder; what it prints goes to files beside streams."""
+def start_command(
+    words: Sequence[str], folder: Path, streams: Path, harden: Callable[[], None] | None = None
+) -> Running:
+    """Run a command of usdfoliage in a folder; what it prints goes to files beside streams.
+
+    Args:
+        words: Of the command line.
+        folder: Where it runs.
+        streams: The start of the files' names.
+        harden: Called in the process before the command begins.
+    """
     sys.stdout.flush()
     sys.stderr.flush()
     started = time.monotonic()
@@ -73,7 +84,11 @@ def start_command(words: Sequence[str], folder: Path, streams: Path) -> Running:
         os.chdir(folder)
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT_BYTES, MEMORY_LIMIT_BYTES))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        code = main(list(words))
+        os.environ[TIME_VARIABLE] = str(BOX_LIMIT_S)
+        if harden is not None:
+            harden()
+        sys.argv = ["usdfoliage", *words]
+        code = main()  # as a command line's: in a box, or with its libraries diverted
     except SystemExit as error:  # of argparse
         code = error.code if isinstance(error.code, int) else 1
     except BaseException:  # noqa: BLE001  # a fault of the command must not run the loop of the parent

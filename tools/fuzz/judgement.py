@@ -4,15 +4,16 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from tools.fuzz.cases import Case
+from tools.fuzz.cases import CHILDREN_KILLED, Case
 from tools.fuzz.isolation import TIME_LIMIT_S, Ended
 
 _LEFT = re.compile(r"usdfoliage-(?:new|old|lock)|\.tmp$")  # names of what is not yet whole
 
+_STEERING = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x9b]")  # what a terminal acts on
+
 # A run of capture that stopped keeps links to its input and what it has done, to go on; these come last.
 _RESULTS = {f"out/{name}" for name in ("depth", "normals", "confidence", "cloud.ply", "capture.usda")}
-# libpng reports what it unpacks on stderr, and no setting prevents that.
-_TOLERATED = ("WARNING: ", "libpng error: ", "libpng warning: ")
+_OF_THE_LOG = "WARNING: "  # lines of ours, which are no noise
 
 State = Mapping[str, tuple[int, int, int]]
 
@@ -39,11 +40,16 @@ def find_faults(case: Case, ended: Ended, before: State, after: State) -> list[s
     for word in ("Traceback", "internal fault"):
         if word in ended.stderr:
             faults.append(word)
+    for name, text in (("stderr", ended.stderr), ("stdout", ended.stdout)):
+        if _STEERING.search(text):
+            faults.append(f"control characters on {name}")
     faults += _message_faults(case, ended) if ended.code in allowed else []
     changed = [name for name, state in before.items() if after.get(name, (0, 0, 0))[:2] != state[:2]]
     if changed:
         faults.append(f"input changed: {changed[0]}")
     new = [name for name in after if name not in before]
+    if case.kind == CHILDREN_KILLED:  # the next run for the same output removes what they leave; bench/kills.py
+        new = [name for name in new if not any(part[0] == "." and _LEFT.search(part) for part in Path(name).parts)]
     left = [name for name in new if _LEFT.search(name)]
     if left:
         faults.append(f"left behind: {left[0]}")
@@ -55,7 +61,7 @@ def find_faults(case: Case, ended: Ended, before: State, after: State) -> list[s
 
 
 def _message_faults(case: Case, ended: Ended) -> list[str]:
-    lines = [line for line in ended.stderr.splitlines() if line.strip() and not line.startswith(_TOLERATED)]
+    lines = [line for line in ended.stderr.splitlines() if line.strip() and not line.startswith(_OF_THE_LOG)]
     if ended.code != 2:
         return [f"noise: {lines[0][:100]}"] if lines else []
     errors = [line for line in lines if line.startswith("error: ")]

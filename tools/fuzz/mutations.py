@@ -80,6 +80,12 @@ def repeat_block(data: bytes, rng: np.random.Generator) -> bytes:
     return data[:end] + data[at:end] * int(rng.integers(1, 20)) + data[end:]
 
 
+def repeat_aligned_block(data: bytes, rng: np.random.Generator) -> bytes:
+    """64 bytes twice, at a place where crates have numbers: counts and offsets then lead to others."""
+    at = int(rng.integers(max(1, len(data) // 8))) * 8
+    return data[: at + 64] + data[at:]
+
+
 def clear_block(data: bytes, rng: np.random.Generator) -> bytes:
     at = _place(data, rng)
     end = min(len(data), at + int(rng.integers(4, 400)))
@@ -179,7 +185,7 @@ def encode_utf16(data: bytes, rng: np.random.Generator) -> bytes:
 
 BYTES: tuple[Mutate, ...] = (
     *(flip_bits, set_bytes, truncate, remove_block, insert_block, repeat_block, clear_block, swap_blocks),
-    *(set_integer, set_float, append_bytes),
+    *(set_integer, set_float, append_bytes, repeat_aligned_block),
 )
 TEXT: tuple[Mutate, ...] = (
     *(set_number, add_line, remove_line, remove_word, repeat_word, mix_lines, add_no_unicode, encode_utf16),

@@ -14,7 +14,7 @@ Damage = Callable[[Path], None]
 NAMES = (
     *("a b", "ünïcode 木 \U0001f333", "e\u0301", "a\nb", "a\tb", os.fsdecode(b"\xff\xfe"), "-o", "--help", "x" * 230),
     *("木" * 76, "<UDIM>", "%04d", "@x@", "#", "$HOME", "'\"", "a:b", "a?b", "[1]", "{a}", "a;b", "a\\b", "\u202eb"),
-    *("~", "\x07", "1 %s"),
+    *("~", "\x07", "1 %s", "\x1b[31m", "\x9b2J"),
 )
 _BED = (
     ("leaves", "bed", "--no-preview", "-o", "out"),
@@ -206,6 +206,35 @@ def _other(seeds: Path) -> Iterator[_Made]:
         ("edit", "deep.usda", "--width", "2", "-o", "out.usda"),
     ):
         yield "usd made", "deep prims", "deep.usda", words, written("deep.usda", lambda: deep)
+    chain = "".join(f'class "c{k}" (inherits = </c{k + 1}>) {{}}\n' for k in range(20_000))
+    plant = 'class "c20000" {}\ndef Xform "a" (inherits = </c0>) {}\n'
+    for what, text in (
+        ("parentheses", 'def Xform "a" { custom int x = ' + "(" * 100_000 + ")" * 100_000 + "}"),
+        ("brackets", 'def Xform "a" { custom int[] x = ' + "[" * 100_000 + "]" * 100_000 + "}"),
+        ("dictionaries", 'def Xform "a" (customData = {' + "dictionary a = {" * 400 + "}" * 400 + "}) {}"),
+        ("a chain of classes", chain + plant),
+        ("a circle of classes", 'class "a" (inherits = </b>) {}\nclass "b" (inherits = </a>) {}'),
+        ("itself", 'def Xform "a" (references = @a.usda@) {}'),
+        ("100,000 prims", "".join(f'def Xform "p{k}" {{}}\n' for k in range(100_000))),
+        ("an array of 2^31", 'def Points "a" { int[] ids.timeSamples = { 0: [' + "0," * 1_000_000 + "] } }"),
+        ("a device", 'def Xform "a" (references = @/dev/zero@) {}'),
+    ):
+        for command in ("info", "validate"):
+            data = f"#usda 1.0\n{text}\n".encode()
+            yield "usd made", what, "a.usda", (command, "a.usda"), written("a.usda", lambda data=data: data)
+    for place in PLACES:
+
+        def prepare(folder: Path, place: Damage = place) -> None:
+            shutil.copytree(seeds / "plants", folder / "plants")
+            place(folder / "plants" / "spray" / "maps" / "spray_leaf.png")
+
+        for words in (
+            ("info", "plants/spray"),
+            ("validate", "plants/spray"),
+            ("bake", "plants/spray", "-o", "out"),
+            ("edit", "plants/spray", "--width", "2", "-o", "out.usda"),
+        ):
+            yield "usd texture", f"{words[0]} {place.__name__}", "", words, prepare
     for what, data in (
         ("a zip of nothing", lambda: b"PK\x05\x06" + bytes(18)),
         ("a broken zip", lambda: b"PK\x03\x04" + b"\xff" * 300),

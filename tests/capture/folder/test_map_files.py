@@ -152,7 +152,7 @@ def test_a_map_that_was_not_written_whole_is_an_error(tmp_path, monkeypatch):
         written(OpenEXR.File({"type": OpenEXR.scanlineimage}, {"Z": np.zeros((4, 4), np.float32)}), name)
 
     monkeypatch.setattr(OpenEXR.File, "write", write_less)
-    with pytest.raises(WriteError, match="is the disk full"):
+    with pytest.raises(WriteError, match="see whether the disk is full or its folder read-only"):
         write_depth_map(tmp_path / "a.exr", np.ones((4, 4)))
     assert not list(tmp_path.iterdir())
 

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -18,6 +19,7 @@ from usdfoliage.capture.poses.pairs import match_descriptors, neighbors_in_order
 from usdfoliage.capture.poses.register import PoseEstimationSettings, register_photos
 from usdfoliage.capture.poses.result import Registered, project_with
 from usdfoliage.errors import CaptureError
+from usdfoliage.files.npz import write_arrays
 from usdfoliage.remarks import warnings_of
 
 from tests.support.captures import look_at
@@ -165,6 +167,11 @@ job = json.loads(pathlib.Path(sys.argv[1]).read_text())
 for number, item in job["items"]:
     if item.get("abort"):
         os.abort()
+    if item.get("kills"):
+        tries = pathlib.Path(item["out"] + ".tries")
+        tries.write_text(tries.read_text() + "." if tries.exists() else ".")
+        if len(tries.read_text()) <= item["kills"]:
+            os.kill(os.getpid(), item["signal"])
     if item.get("refuse"):
         print(item.get("kind", "failed"), number, item["refuse"], flush=True)
         continue
@@ -198,11 +205,43 @@ def test_a_child_that_aborts_costs_one_item(tmp_path, monkeypatch, processes):
     assert list(work.iterdir()) == []
 
 
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_a_child_that_is_killed_from_outside_costs_nothing(tmp_path, monkeypatch, caplog, number):
+    (tmp_path / "worker_of_test.py").write_text(WORKER)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    items = [{"out": str(tmp_path / f"{number}.out")} for number in range(4)]
+    items[1] |= {"kills": 2, "signal": number}
+    (tmp_path / ".job-0123456789ab").mkdir()  # a killed run has left it
+    (tmp_path / ".job-0123456789ab" / "database.db").touch()
+    (tmp_path / ".job-0123456789ab.log").touch()
+    items[3] |= {"kills": 9, "signal": number}  # it is the item that ends them
+    (failure,) = run_items({}, items, tmp_path, 1, module="worker_of_test")
+    assert failure.number == 3
+    assert [(tmp_path / f"{number}.out").exists() for number in range(4)] == [True, True, True, False]
+    assert caplog.text.count("killed from outside") == 4
+    assert not list(tmp_path.glob(".job*"))
+
+
+def test_features_of_another_shape_are_made_again(tmp_path, monkeypatch):
+    write_photos(tmp_path / "photos", {name: POSES[name] for name in sorted(POSES)[:5]})
+    photo_set = read_photo_set(tmp_path / "photos")
+    work = tmp_path / "work"
+    first = register_photos(photo_set, work, SETTINGS)
+    for pattern in ("features", "matches", "model"):
+        path = sorted(work.glob(f"{pattern}-*.npz"))[0]
+        whole = path.read_bytes()
+        with np.load(path) as arrays:
+            np.savez(path, **{name: arrays[name].reshape(-1)[:1] for name in arrays.files})
+        again = register_photos(photo_set, work, SETTINGS)
+        assert path.read_bytes() == whole
+        assert [photo.name for photo in again.photos] == [photo.name for photo in first.photos]
+
+
 def test_a_damaged_result_is_made_again(tmp_path, monkeypatch):
     (tmp_path / "worker_of_test.py").write_text(WORKER)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
     items = [{"out": str(tmp_path / f"{number}.npz")} for number in range(3)]
-    np.savez(items[0]["out"], kept=np.arange(9))
+    write_arrays(Path(items[0]["out"]), {"kept": np.arange(9)})
     np.savez(items[1]["out"], torn=np.arange(900))
     os.truncate(items[1]["out"], 300)
     (tmp_path / "2.npz").touch()
