@@ -24,10 +24,10 @@ def write(folder: Path, **more) -> Path:
     return api.write_asset(folder, leaves=api.scatter_leaves(3), representations=("bezier",), **more).asset
 
 
-@pytest.mark.parametrize("way", ["itself", "above", "link"])
-def test_no_asset_replaces_the_picture_that_it_reads(picture: Path, tmp_path: Path, way: str) -> None:
+@pytest.mark.parametrize("kind", ["itself", "above", "link"])
+def test_no_asset_replaces_the_picture_that_it_reads(picture: Path, tmp_path: Path, kind: str) -> None:
     (tmp_path / "link").symlink_to(picture.parent)
-    output = {"itself": picture, "above": picture.parent, "link": tmp_path / "link"}[way]
+    output = {"itself": picture, "above": picture.parent, "link": tmp_path / "link"}[kind]
     before = picture.read_bytes()
     for name in ("texture", "jitter_map"):
         with pytest.raises(api.AssetError, match=r"is read, and .* which would be replaced"):

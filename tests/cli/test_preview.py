@@ -100,7 +100,7 @@ def test_what_a_file_lacks_is_named(drawn, asset, tmp_path, words, message):
 def test_a_file_that_is_not_usd_inside(drawn, tmp_path):
     fake = tmp_path / "fake.usda"
     fake.write_text("this is no USD")
-    with pytest.raises(PreviewError, match=r"fake\.usda") as caught:
+    with pytest.raises(AssetError, match=r"fake\.usda cannot be read as USD") as caught:
         run(fake, "-o", tmp_path / "a.png")
     assert "\n" not in str(caught.value)
 

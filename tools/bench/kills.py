@@ -192,19 +192,19 @@ def kill_once(
     return victim, number, process.returncode, *texts, [each for each in below if each.is_alive]
 
 
-def find_strays(subject: Subject, folder: Path, expected: Tree) -> list[str]:
+def find_left_over(subject: Subject, folder: Path, expected: Tree) -> list[str]:
     """What lies anywhere that no undisturbed run leaves."""
     known = {INPUT, TEMPORARY, *subject.outputs, *([subject.work] if subject.work else [])}
-    strays = [path.name for path in folder.iterdir() if path.name not in known]
-    strays += [f"{TEMPORARY}/{path.name}" for path in (folder / TEMPORARY).iterdir()]
+    left_over = [path.name for path in folder.iterdir() if path.name not in known]
+    left_over += [f"{TEMPORARY}/{path.name}" for path in (folder / TEMPORARY).iterdir()]
     for path in folder.rglob("*"):
         name = path.relative_to(folder).as_posix()
         if not name.startswith((f"{INPUT}/", f"{TEMPORARY}/")) and (
             "usdfoliage-" in path.name or path.name.endswith((".new", ".old", ".tmp")) or path.name.startswith(".job-")
             or (path.name.startswith("tmp") and path.name != TEMPORARY)
         ):  # fmt: skip
-            strays.append(name)
-    return strays
+            left_over.append(name)
+    return left_over
 
 
 def kill_rounds(
@@ -245,8 +245,8 @@ def kill_rounds(
         if again != known.new:
             differing = [n for n in sorted({*again, *known.new}) if again.get(n) != known.new.get(n)]
             faults.append(f"the next run: OTHER BYTES: {differing[:3]} of {len(differing)}")
-        strays = find_strays(subject, folder, known.new)
-        faults += [f"the next run leaves {strays[:3]}"] if strays else []
+        left_over = find_left_over(subject, folder, known.new)
+        faults += [f"the next run leaves {left_over[:3]}"] if left_over else []
         tally.rounds += 1
         tally.faults += faults
         if faults:

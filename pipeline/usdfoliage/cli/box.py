@@ -168,10 +168,10 @@ def announce(options: argparse.Namespace, reports: int, limits: BoxLimits = BoxL
     os.write(reports, json.dumps(asdict(allowed)).encode() + b"\n")
     os.close(reports)
     _set_limits(allowed)
-    most_mib = _stated(TEXT_VARIABLE, limits.text_mib)
-    if found.text_bytes > most_mib * (1 << 20):
+    mib_allowed = _stated(TEXT_VARIABLE, limits.text_mib)
+    if found.text_bytes > mib_allowed * (1 << 20):
         raise FoliageError(
-            f"{found.text} is a layer of {found.text_bytes / (1 << 20):,.0f} MiB of text, more than {most_mib:,.0f}",
+            f"{found.text} is a layer of {found.text_bytes / (1 << 20):,.0f} MiB of text, more than {mib_allowed:,.0f}",
             f"write it as .usdc; if you trust it, set {TEXT_VARIABLE} to more MiB",
         )
 

@@ -126,7 +126,7 @@ def _crate_names(header: bytes, descriptor: int) -> Iterator[bytes]:
             yield from _unpack(data[24 : 24 + packed], min(plain, 8 * MAX_TOKEN_BYTES)).split(b"\0")
 
 
-def _unpack(data: bytes, most_bytes: int) -> bytes:
+def _unpack(data: bytes, bytes_allowed: int) -> bytes:
     """The text that USD packed; its start, where it is damaged or longer.
 
     Source:
@@ -136,7 +136,7 @@ def _unpack(data: bytes, most_bytes: int) -> bytes:
     if not data or data[0]:  # more chunks are of more than 2 GB
         return b""
     out, at, end = bytearray(), 1, len(data)
-    while at < end and len(out) < most_bytes:
+    while at < end and len(out) < bytes_allowed:
         token = data[at]
         at += 1
         length = token >> 4
@@ -151,7 +151,7 @@ def _unpack(data: bytes, most_bytes: int) -> bytes:
         length = token & 15
         if length == 15:
             at, length = _longer(data, at, length)
-        length = min(length + 4, most_bytes)
+        length = min(length + 4, bytes_allowed)
         if not 0 < offset <= len(out):
             break
         first = len(out) - offset

@@ -4,7 +4,6 @@ A file has a seal, the comment of its archive: a digest of the names, sizes and 
 somebody else put in its place is found too, with arrays of whatever shape.
 """
 
-import hashlib
 import io
 import zipfile
 import zlib
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.atomic import replace_file
+from usdfoliage.files.hashing import digest_text
 from usdfoliage.files.reading import open_regular
 from usdfoliage.files.unwritten import describe_unwritten
 
@@ -107,4 +107,4 @@ def find_damage(path: Path) -> str | None:
 
 def _seal(archive: zipfile.ZipFile) -> bytes:
     members = [(member.filename, member.file_size, member.CRC) for member in archive.infolist()]
-    return hashlib.sha256(repr(sorted(members)).encode()).hexdigest().encode()
+    return digest_text(repr(sorted(members))).encode()

@@ -4,7 +4,6 @@ Who has a folder has it locked, and a lock ends with its process. So whoever mak
 command, knows which folders killed processes have left, and removes them.
 """
 
-import hashlib
 import os
 import platform
 import re
@@ -15,6 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from usdfoliage.errors import FoliageError, WriteError
+from usdfoliage.files.hashing import digest_text
 from usdfoliage.files.locks import try_lock
 
 # Libraries and other programs report a full disk in words of their own, or not at all; where less than this is free, a
@@ -111,4 +111,4 @@ def _open_folder(folder: Path) -> int:
 
 def _machine() -> str:
     """A word for this machine: one that shares the folder may not see the locks."""
-    return hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+    return digest_text(platform.node())[:8]

@@ -77,7 +77,7 @@ def parts_of_input(source: Path | None, output: Path | None) -> tuple[Path, ...]
     if source is None:
         return ()
     whole = (source,)
-    if output is None or not source.is_dir():
+    if output is None or not os.path.isdir(source):  # noqa: PTH112 - Path.is_dir raises for names too long
         return whole
     real, place = Path(os.path.realpath(source)), Path(os.path.realpath(output))
     if place == real or not place.is_relative_to(real):
