@@ -140,7 +140,7 @@ def judge_words(victim: str, number: int, code: int, out: str, err: str, found: 
     errors = [line for line in err.splitlines() if line.startswith("error: ")]
     others = [line for line in err.splitlines() if line.strip() and not _KNOWN.search(line)]
     if others:
-        return f"stray words on stderr: {others[:2]}"
+        return f"other words on stderr: {others[:2]}"
     if code == 0:
         if errors or (found != known.new and _POOR not in out + err):
             differing = [n for n in sorted({*found, *known.new}) if found.get(n) != known.new.get(n)]

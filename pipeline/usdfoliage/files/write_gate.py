@@ -97,7 +97,7 @@ class _Place:
         folders = {} if folders is None else folders
         known = folders.get(path.parent) if path.name not in ("", "..") else None
         real = Path(os.path.realpath(path)) if known is None else known.real / path.name
-        if known is not None and real.is_symlink():
+        if known is not None and os.path.islink(real):  # noqa: PTH114 - Path.is_symlink raises for names too long
             real, known = Path(os.path.realpath(real)), None
         if known is None:
             identities = tuple(_identity(each) for each in map(_stat, real.parents) if each is not None)
