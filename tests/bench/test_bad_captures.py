@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from usdfoliage.capture.view_check import check_views
+from usdfoliage.leaf.model import LeafOrigin, Leaves
 
-from tools.bench.bad_captures import Outcome, find_misses, run_capture
+from tools.bench import bad_captures
+from tools.bench.bad_captures import Outcome, build_capture, find_misses, run_capture
 from tools.synthetic.spoiled import KINDS, SMALL, SpoilSettings, spoil_capture
 
 TINY = replace(SMALL, leaves=14, views=6, width_px=240, height_px=180)
@@ -22,6 +24,33 @@ def test_inverted_masks_give_an_error_and_no_leaves_of_the_wall(tmp_path):
     outcome = run_capture(SpoilSettings(kind="masks inverted", scene=TINY), tmp_path / "capture")
     assert outcome.found == 0
     assert "seem to be inverted" in outcome.remarks[0]
+
+
+def test_a_build_whose_masks_are_inverted_is_an_error_and_writes_nothing(tmp_path):
+    outcome = build_capture(SpoilSettings(kind="masks inverted", scene=TINY), tmp_path / "capture")
+    assert outcome.found == outcome.filled_in == 0
+    assert "seem to be inverted" in outcome.remarks[0]
+    assert not (tmp_path / "capture_asset").exists()
+
+
+def test_filled_in_leaves_of_a_build_do_not_count_as_found(tmp_path, monkeypatch):
+    settings = SpoilSettings(kind="good", scene=TINY)
+    truth = spoil_capture(settings).truth
+    origin = np.where(np.arange(TINY.leaves) % 2, LeafOrigin.FOUND, LeafOrigin.FILLED_IN)
+    true = Leaves(
+        parameters=truth["parameters"],
+        base_m=truth["base"],
+        orientation=truth["orientation"],
+        length_m=truth["chord"],
+        phase=np.zeros(TINY.leaves),
+        origin=origin,
+    )
+    monkeypatch.setattr(bad_captures, "_build", lambda capture, asset: (True, ()))
+    monkeypatch.setattr(bad_captures, "read_asset_leaves", lambda asset: true)
+    outcome = build_capture(settings, tmp_path / "capture")
+    assert (outcome.found, outcome.filled_in) == (7, 7)
+    assert outcome.precision == 1
+    assert outcome.recall < 0.8
 
 
 def test_exposures_that_differ_are_reported(tmp_path):
