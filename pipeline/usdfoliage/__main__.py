@@ -129,7 +129,7 @@ def _run(words: Sequence[str], prepare: Callable[[argparse.Namespace], None] | N
     try:
         options = build_parser(next((word for word in words if word in COMMANDS), "")).parse_args(words)
     except KeyboardInterrupt:
-        print("error: interrupted; nothing was written", file=sys.stderr)
+        print("error: interrupted; nothing that is half written stays", file=sys.stderr)
         return 130
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(PrintableFormatter("%(levelname)s: %(message)s"))
@@ -151,7 +151,7 @@ def _run(words: Sequence[str], prepare: Callable[[argparse.Namespace], None] | N
         print(f"error: {_one_line(explain_error(error, render_for(options.command)))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("error: interrupted; nothing was written", file=sys.stderr)
+        print("error: interrupted; nothing that is half written stays", file=sys.stderr)
         return 130
     except BrokenPipeError:  # the reader of stdout left, as with `| head`
         _discard_stdout()

@@ -79,6 +79,17 @@ def listed_files(folder: Path) -> set[str] | None:
         return None
 
 
+def remaining_files(folder: Path) -> set[str] | None:
+    """As listed_files, also where the removal of the folder was broken off after its interface layer."""
+    listed = listed_files(folder)
+    if listed is not None or usd_files_at_top(folder):
+        return listed
+    try:
+        return _own_files(folder, {_FILES: FILES_LIST}) or None
+    except AssetError:
+        return None
+
+
 def read_origin(folder: Path) -> AssetOrigin | None:
     """Where the asset in a folder comes from, as far as it records that; None where there is no asset."""
     try:

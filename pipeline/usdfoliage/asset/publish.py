@@ -8,7 +8,8 @@ rename. The names of a run's files beside ``oak``::
     .oak.TOKEN.usdfoliage-old    only where a file system cannot exchange two folders: the old one, for an instant
 
 A killed run leaves some of them. The next run for the same folder puts a stranded old folder back, if that is all there
-is, and removes the rest. The lock file holds the inode of the new folder, so that it is known which one has its name.
+is, and removes the rest. The lock file holds the inode of the new folder, so that it is known which one has its name,
+and whether the run keeps what it replaces.
 
 The folder that was replaced stays until the new one is in its place and was looked at again. Then the files that its
 record lists are removed, and nothing else: usdfoliage.asset.replacing.
@@ -24,11 +25,19 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from usdfoliage.asset.asset_record import AssetOrigin, list_files, listed_files, read_origin, record_files
+from usdfoliage.asset.asset_record import (
+    AssetOrigin,
+    list_files,
+    listed_files,
+    read_origin,
+    record_files,
+    remaining_files,
+)
 from usdfoliage.asset.locate import check_usd_name
 from usdfoliage.asset.replacing import bring_foreign, check_replaceable, put_aside, retire
 from usdfoliage.errors import AssetError, FoliageError, WriteError
 from usdfoliage.files.atomic import exchange, flush_to_disk
+from usdfoliage.files.delayed_interrupts import interrupts_delayed
 from usdfoliage.files.locks import open_lock, open_old_lock, try_lock, wait_for_lock
 from usdfoliage.files.reading import describe_unread
 from usdfoliage.files.unwritten import UNCHANGED, describe_unwritten, is_of_another_file, with_users_names
@@ -36,6 +45,7 @@ from usdfoliage.files.unwritten import UNCHANGED, describe_unwritten, is_of_anot
 logger = logging.getLogger(__name__)
 
 _LOCK, _NEW, _OLD = "usdfoliage-lock", "usdfoliage-new", "usdfoliage-old"
+_KEEP = " keep"  # in the lock file of a run that keeps what it replaces
 
 
 @contextmanager
@@ -63,9 +73,10 @@ def publish_folder(
     except OSError as error:
         raise describe_unwritten(out, error, what="cannot be written", outcome="; nothing was written") from error
     try:
-        lock, new = _begin(target)
+        lock, new = _begin(target, keep_old)
         try:
-            _recover(target)
+            with interrupts_delayed():
+                _recover(target)
             check_replaceable(out, target, force, origin, keep_old)
             try:
                 yield new
@@ -82,16 +93,17 @@ def publish_folder(
                 shutil.copymode(target, new)
             inode = new.stat().st_ino
             sizes = {name: size for name, size in _survey(new).items() if name not in brought}
-            old = _take_place(new, target)
-            reason = _why_not_whole(target, inode, sizes)
-            if reason:
-                _take_back(new, target, old)
-                raise WriteError(
-                    f"{out} was not written: {reason}; what was there is unchanged", "check the disk, and run again"
-                )
-            made = []
-            if old is not None:
-                retire(old, target, listed_files(old), brought, keep=keep_old)
+            with interrupts_delayed():  # else the old asset would stay aside, whole
+                old = _take_place(new, target)
+                reason = _why_not_whole(target, inode, sizes)
+                if reason:
+                    _take_back(new, target, old)
+                    raise WriteError(
+                        f"{out} was not written: {reason}; what was there is unchanged", "check the disk, and run again"
+                    )
+                made = []
+                if old is not None:
+                    retire(old, target, listed_files(old), brought, keep=keep_old)
         except FoliageError as error:  # a file's name as the user knows it
             raise with_users_names(error, new, out) from error
         except OSError as error:
@@ -204,7 +216,7 @@ def _take_back(new: Path, target: Path, old: Path | None) -> None:
         old.rename(target)
 
 
-def _begin(target: Path) -> tuple[int, Path]:
+def _begin(target: Path, keep_old: bool) -> tuple[int, Path]:
     """Lock a fresh token and make its folder; returns the lock's descriptor and the folder."""
     while True:
         token = uuid.uuid4().hex[:12]
@@ -219,7 +231,7 @@ def _begin(target: Path) -> tuple[int, Path]:
     new = _sibling(target, token, _NEW)
     try:
         new.mkdir()
-        os.write(lock, f"{new.stat().st_ino}\n".encode())
+        os.write(lock, f"{new.stat().st_ino}{_KEEP if keep_old else ''}\n".encode())
     except OSError:
         _end(lock, new)
         raise
@@ -274,17 +286,23 @@ def _recover(target: Path) -> None:
         new = _sibling(target, token, _NEW)
         for replaced in (old, *([new] if _is_replaced(lock, new) else [])):
             if replaced.exists() and target.exists():
-                retire(replaced, target, listed_files(replaced), _same_files(replaced, target), keep=False)
+                same = _same_files(replaced, target)
+                retire(replaced, target, remaining_files(replaced), same, keep=_read_lock(lock).endswith(_KEEP))
         _end(lock, new)
 
 
 def _is_replaced(lock: int, new: Path) -> bool:
     """Whether the folder with the name of a new one is what a killed run had replaced: the two were exchanged."""
     try:
-        known = os.pread(lock, 32, 0).strip()
+        known = _read_lock(lock).removesuffix(_KEEP)
         return bool(known) and new.stat().st_ino != int(known)
     except (OSError, ValueError):
         return False
+
+
+def _read_lock(lock: int) -> str:
+    """What the lock file of a run holds, of an earlier version too."""
+    return os.pread(lock, 64, 0).decode("ascii", errors="replace").strip()
 
 
 def _same_files(old: Path, target: Path) -> list[str]:

@@ -14,6 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from usdfoliage.asset.asset_record import (
+    FILES_LIST,
     AssetOrigin,
     foreign_files,
     is_asset_folder,
@@ -202,7 +203,8 @@ def _is_empty(folder: Path) -> bool:
 def _remove_listed(folder: Path, names: Collection[str]) -> None:
     """Remove files by their paths from the folder, and the folders that are empty then; what cannot go stays."""
     above: set[Path] = set()
-    for name in names:
+    # By the two that list the files who follows a kill knows the others: these go last, the list of both at the end.
+    for name in sorted(names, key=lambda name: (name == FILES_LIST, "/" not in name, name)):
         path = folder / name
         if ".." in Path(name).parts or Path(name).is_absolute():
             continue  # no file of this folder, whatever a record lists
