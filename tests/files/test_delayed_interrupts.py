@@ -10,10 +10,11 @@ from usdfoliage.files.delayed_interrupts import interrupts_delayed
 
 @pytest.fixture
 def interrupting():
-    """SIGTERM interrupts as Ctrl-C does."""
-    earlier = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    """Ctrl-C and SIGTERM interrupt, whatever other tests made of them."""
+    earlier = {each: signal.signal(each, signal.default_int_handler) for each in (signal.SIGINT, signal.SIGTERM)}
     yield
-    signal.signal(signal.SIGTERM, earlier)
+    for each, handler in earlier.items():
+        signal.signal(each, handler)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
