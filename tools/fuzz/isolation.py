@@ -58,8 +58,19 @@ def import_commands() -> None:
         importlib.import_module(f"usdfoliage.{module}")
 
 
+def limit_process() -> None:
+    """What the process of a small case gets: addresses, no core, and little time where the command has a box."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT_BYTES, MEMORY_LIMIT_BYTES))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    os.environ[TIME_VARIABLE] = str(BOX_LIMIT_S)
+
+
 def start_command(
-    words: Sequence[str], folder: Path, streams: Path, harden: Callable[[], None] | None = None
+    words: Sequence[str],
+    folder: Path,
+    streams: Path,
+    harden: Callable[[], None] | None = None,
+    limit: Callable[[], None] | None = limit_process,
 ) -> Running:
     """Run a command of usdfoliage in a folder; what it prints goes to files beside streams.
 
@@ -68,6 +79,7 @@ def start_command(
         folder: Where it runs.
         streams: The start of the files' names.
         harden: Called in the process before the command begins.
+        limit: Called before that; None: the limits of the product alone.
     """
     sys.stdout.flush()
     sys.stderr.flush()
@@ -82,9 +94,8 @@ def start_command(
             os.dup2(os.open(f"{streams}{suffix}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC), stream)
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
         os.chdir(folder)
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT_BYTES, MEMORY_LIMIT_BYTES))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        os.environ[TIME_VARIABLE] = str(BOX_LIMIT_S)
+        if limit is not None:
+            limit()
         if harden is not None:
             harden()
         sys.argv = ["usdfoliage", *words]

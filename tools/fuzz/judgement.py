@@ -13,7 +13,7 @@ _STEERING = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x9b]")  # what a termin
 
 # A run of capture that stopped keeps links to its input and what it has done, to go on; these come last.
 _RESULTS = {f"out/{name}" for name in ("depth", "normals", "confidence", "cloud.ply", "capture.usda")}
-_OF_THE_LOG = "WARNING: "  # lines of ours, which are no noise
+_KNOWN = re.compile(r"^WARNING: |, \d+% done in \d")  # lines of ours, which are no noise: of the log, and of progress
 
 State = Mapping[str, tuple[int, int, int]]
 
@@ -27,11 +27,11 @@ def folder_state(folder: Path) -> State:
     return found
 
 
-def find_faults(case: Case, ended: Ended, before: State, after: State) -> list[str]:
-    """What a command did wrong, none for nothing."""
+def find_faults(case: Case, ended: Ended, before: State, after: State, time_limit_s: float = TIME_LIMIT_S) -> list[str]:
+    """What a command did wrong, none for nothing; time_limit_s is of the processor."""
     if ended.timed_out:
         return [f"hang: no end after {ended.waited_s:.0f} s"]
-    faults = [f"slow: {ended.seconds:.0f} s"] if ended.seconds > TIME_LIMIT_S else []
+    faults = [f"slow: {ended.seconds:.0f} s"] if ended.seconds > time_limit_s else []
     allowed = (0, 2, 3) if case.words[0] == "validate" else (0, 2)
     if ended.code < 0:
         faults.append(f"crash: signal {-ended.code}")
@@ -61,7 +61,7 @@ def find_faults(case: Case, ended: Ended, before: State, after: State) -> list[s
 
 
 def _message_faults(case: Case, ended: Ended) -> list[str]:
-    lines = [line for line in ended.stderr.splitlines() if line.strip() and not line.startswith(_OF_THE_LOG)]
+    lines = [line for line in ended.stderr.splitlines() if line.strip() and not _KNOWN.search(line)]
     if ended.code != 2:
         return [f"noise: {lines[0][:100]}"] if lines else []
     errors = [line for line in lines if line.startswith("error: ")]

@@ -137,7 +137,7 @@ def write_input(folder: Path, run: Callable[..., object]) -> None:
         cv2.imwrite(str(folder / "arc" / name), textured_scene.render(pose))
     (folder / "fast.toml").write_text(FAST)
     plan = write_quick_plan(folder / "plan.toml")
-    (folder / "other.toml").write_text(plan.read_text().replace("max_side_px = 160", "max_side_px = 120"))
+    (folder / "other.toml").write_text(plan.read_text().replace("max_side_px = 160", "max_side_px = 140"))
     (folder / "list.csv").write_text("capture,name,plan\nbed,bed,plan.toml\nhedge,hedge,plan.toml\n")
     run("scatter", "-n", "8", "--seed", "3", "-o", SPRAY)
     run("edit", SPRAY, "--width", "1.3", "-o", LOOK)
