@@ -43,6 +43,8 @@ bench: setup
 	@$(PYTHON_VENV) tools/bench/branches.py
 	@$(PYTHON_VENV) tools/bench/box_cost.py
 	@$(PYTHON_VENV) tools/bench/hostile_input.py
+	@$(PYTHON_VENV) tools/bench/worst_files.py --scale 0.01
+	@$(PYTHON_VENV) tools/bench/kills.py --kills 32
 	@$(PYTHON_VENV) tools/bench/build_scaling.py --plan-only 1000 | tail -1
 	@$(PYTHON_VENV) tools/bench/build_scaling.py
 	@$(PYTHON_VENV) tools/bench/build_faults.py

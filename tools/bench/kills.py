@@ -282,7 +282,8 @@ def main() -> int:
         top = Path(temporary)
         (top / INPUT).mkdir()
         (top / TEMPORARY).mkdir()
-        write_input(top / INPUT, lambda *words: run(top, words).check_returncode())
+        subjects = [SUBJECTS[name] for name in options.only]
+        write_input(top / INPUT, lambda *words: run(top, words).check_returncode(), subjects)
 
         def try_one(name: str) -> Tally:
             subject, scratch = SUBJECTS[name], top / name.replace(" ", "-")

@@ -1,7 +1,6 @@
 """All commands that write, on small input that is made here, each with an earlier result of other options."""
 
-import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -116,28 +115,39 @@ SUBJECTS: Mapping[str, Subject] = {
 }
 
 
-def write_input(folder: Path, run: Callable[..., object]) -> None:
-    """Make the input of all commands.
+def write_input(folder: Path, run: Callable[..., object], subjects: Iterable[Subject] = SUBJECTS.values()) -> None:
+    """Make the input of commands.
 
     Args:
         folder: Where, a folder that is there.
         run: Runs a command of usdfoliage in the folder above it.
+        subjects: Whose input it is.
     """
-    photo = np.full((140, 140, 3), 1.0)
-    photo[20:116, 22:118] = 0.5 * foliage((96, 96))
-    cv2.imwrite(str(folder / "oak.png"), np.rint(encode_srgb(photo) * 255).astype(np.uint8)[..., ::-1])
-    write_ply(folder / "tree.ply", cloud_of(small_tree(), per_m2=4000))
-    points_m, _ = scanned_leaves(12, 80)
-    write_ply(folder / "scan.ply", points_m, np.full(points_m.shape, (60, 140, 30)))
-    write_small_capture(folder / "bed")
-    shutil.copytree(folder / "bed", folder / "hedge")
-    write_posed_photos(folder / "posed")
-    (folder / "arc").mkdir()
-    for name, pose in textured_scene.arc(6).items():
-        cv2.imwrite(str(folder / "arc" / name), textured_scene.render(pose))
+    read = {word.split("/")[1] for each in subjects for word in (*each.words, *each.other) if word.startswith("in/")}
+    if "list.csv" in read:
+        read |= {"bed", "hedge", "plan.toml"}
+    if "oak.png" in read:
+        photo = np.full((140, 140, 3), 1.0)
+        photo[20:116, 22:118] = 0.5 * foliage((96, 96))
+        cv2.imwrite(str(folder / "oak.png"), np.rint(encode_srgb(photo) * 255).astype(np.uint8)[..., ::-1])
+    if "tree.ply" in read:
+        write_ply(folder / "tree.ply", cloud_of(small_tree(), per_m2=4000))
+    if "scan.ply" in read:
+        points_m, _ = scanned_leaves(12, 80)
+        write_ply(folder / "scan.ply", points_m, np.full(points_m.shape, (60, 140, 30)))
+    for name in sorted(read & {"bed", "hedge"}):
+        write_small_capture(folder / name)
+    if "posed" in read:
+        write_posed_photos(folder / "posed")
+    if "arc" in read:
+        (folder / "arc").mkdir()
+        for name, pose in textured_scene.arc(6).items():
+            cv2.imwrite(str(folder / "arc" / name), textured_scene.render(pose))
     (folder / "fast.toml").write_text(FAST)
     plan = write_quick_plan(folder / "plan.toml")
     (folder / "other.toml").write_text(plan.read_text().replace("max_side_px = 160", "max_side_px = 140"))
     (folder / "list.csv").write_text("capture,name,plan\nbed,bed,plan.toml\nhedge,hedge,plan.toml\n")
-    run("scatter", "-n", "8", "--seed", "3", "-o", SPRAY)
-    run("edit", SPRAY, "--width", "1.3", "-o", LOOK)
+    if read & {"spray", "look.usda"}:
+        run("scatter", "-n", "8", "--seed", "3", "-o", SPRAY)
+    if "look.usda" in read:
+        run("edit", SPRAY, "--width", "1.3", "-o", LOOK)
