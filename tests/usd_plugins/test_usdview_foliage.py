@@ -130,7 +130,9 @@ def test_edits_act_in_the_session_and_the_asset_stays(tmp_path) -> None:
     assert read_edits(leaves_of(stage)) == LeafEdits(
         **{**edit_values(EDITED), "jitter_amplitude": np.float32(0.02).item()}
     )
-    assert live.layer.identifier in stage.GetSessionLayer().subLayerPaths
+    session = stage.GetSessionLayer()
+    assert not session.subLayerPaths  # "Save Overrides As" of usdview would write an anonymous one by its name
+    assert session.GetPrimAtPath(live.class_path)
     live.show(False)
     assert read_edits(leaves_of(stage)) == NEUTRAL
     assert not live.is_visible()
@@ -138,6 +140,20 @@ def test_edits_act_in_the_session_and_the_asset_stays(tmp_path) -> None:
     live.reset()
     assert read_edits(leaves_of(stage)) == NEUTRAL
     assert live.layer.empty
+    assert not session.rootPrims
+
+
+def test_edits_leave_other_opinions_of_the_session_alone(tmp_path) -> None:
+    stage, live = open_live(write_spray(tmp_path / "spray"))
+    session = stage.GetSessionLayer()
+    plants.select_variant(stage, "representation", "mesh")
+    plants.select_variant(stage, "representation", "bezier")
+    before = session.ExportToString()
+    live.apply(edit_values(EDITED))
+    assert "bezier" in session.ExportToString()
+    assert LiveLook(stage, stage.GetDefaultPrim()).values()["width"] == 1.5  # an earlier panel's edits go on
+    live.reset()
+    assert session.ExportToString() == before
 
 
 def test_extents_follow_and_come_back(tmp_path) -> None:
@@ -335,7 +351,7 @@ def in_usdview(session: str, asset: Path, folder: Path, path: str) -> dict:
 
 @pytest.mark.preview
 def test_the_menu_and_the_panel_in_usdview_without_usdfoliage(tmp_path) -> None:
-    seen, _ = usdview_session(tmp_path, "/nowhere")
+    seen, asset = usdview_session(tmp_path, "/nowhere")
     assert list(seen["menus"]) == ["Foliage"]
     menu = seen["menus"]["Foliage"]
     assert list(menu["Representation"]) == ["bezier", "nurbs", "subdiv", "mesh"]
@@ -360,6 +376,11 @@ def test_the_menu_and_the_panel_in_usdview_without_usdfoliage(tmp_path) -> None:
     assert seen["no_guide"] == [False]
     assert seen["no_cloud"] == "no plant has a guide Cloud"
     assert seen["untouched"]
+    assert seen["elsewhere"] == ["mesh", False]
+    assert seen["again"] == {"closed": True, "widths": [1.25, 1.0], "same_product": True}
+    overrides = Usd.Stage.Open(str(asset), load=Usd.Stage.LoadAll)
+    overrides.GetSessionLayer().TransferContent(Sdf.Layer.FindOrOpen(str(tmp_path / "overrides.usda")))
+    assert read_edits(leaves_of(overrides)).width == 1.5
     look = open_asset(tmp_path / "saved.usda")
     saved = read_edits(leaves_of(look))
     for name, value in edit_values(EDITED).items():

@@ -13,9 +13,9 @@ class UsdviewHost:
 
     leaf_file = ""
 
-    def __init__(self, usdviewApi) -> None:
+    def __init__(self, usdviewApi, product) -> None:
         self._api = usdviewApi
-        self.product = find_product()
+        self.product = product
 
     @property
     def stage(self):
@@ -44,13 +44,28 @@ def panel_of(usdviewApi) -> FoliagePanel:
     if dock is None:
         dock = QtWidgets.QDockWidget("Foliage", window)
         dock.setObjectName(_DOCK)
+        dock.product = find_product()  # one process, however many stages are opened one after the other
+        usdviewApi.dataModel.signalStageReplaced.connect(lambda: _renew(usdviewApi, dock))
         window.addDockWidget(QtCore.Qt.RightDockWidgetArea, dock)
         dock.hide()
     panel = dock.widget()
-    if panel is None or panel.stage_at_start != usdviewApi.stage:
-        panel = FoliagePanel(UsdviewHost(usdviewApi), dock)
-        panel.stage_at_start = usdviewApi.stage
-        dock.setWidget(panel)
+    if panel is None or panel.stage != usdviewApi.stage:
+        panel = _renew(usdviewApi, dock)
+    return panel
+
+
+def _renew(usdviewApi, dock) -> FoliagePanel | None:
+    """Put a panel of the stage that usdview has now into the dock; none where it has no stage, as while one opens."""
+    old = dock.widget()
+    if old is not None:
+        old.leave_stage()
+        dock.product = old.host.product  # None where it has ended
+        dock.setWidget(None)
+        old.deleteLater()
+    if not usdviewApi.stage:
+        return None
+    panel = FoliagePanel(UsdviewHost(usdviewApi, dock.product), dock)
+    dock.setWidget(panel)
     return panel
 
 

@@ -12,7 +12,7 @@ OPEN = ("Shape", "Curl", "Jitter")
 class EditSliders(QtWidgets.QWidget):
     """A slider and a box of numbers for every row of edit_rows."""
 
-    changed = QtCore.Signal(dict)  # the edits, as they are after a move
+    changed = QtCore.Signal(object)  # the edits, a dict, after a move: as Signal(dict), tuples in it become lists
     dragged = QtCore.Signal(bool)  # a slider is pressed, is let go
 
     def __init__(self, parent=None) -> None:

@@ -1,4 +1,4 @@
-"""A look that is being made: edits of an asset's leaves in a layer below the session layer."""
+"""A look that is being made: edits of an asset's leaves in the session layer, where usdview saves overrides from."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from usdviewFoliage.reach import box_among_leaves, box_in_leaf_space, read_range
 
 
 class LiveLook:
-    """Edits of all plants of one asset on a stage, as strong as a look that is sublayered into the session layer."""
+    """Edits of all plants of one asset on a stage, as opinions of the session layer on the class of the asset."""
 
     def __init__(self, stage: Usd.Stage, plant: Usd.Prim) -> None:
         """Edit the asset of plant; nothing is authored yet."""
@@ -30,9 +30,11 @@ class LiveLook:
         self.plant_path = plant.GetPath()
         self.interface = plants.interface_file(plant)
         self.class_path = find_class(plant)
-        self.layer = Sdf.Layer.CreateAnonymous(f"{plant.GetName()}_look.usda")
+        self.layer = Sdf.Layer.CreateAnonymous(f"{plant.GetName()}_look.usda")  # the edits, also while they are hidden
+        self._visible = True
         self._ranges = {}
-        stage.GetSessionLayer().subLayerPaths.append(self.layer.identifier)
+        if self.class_path is not None and stage.GetSessionLayer().GetPrimAtPath(self.class_path):
+            _copy_prim(stage.GetSessionLayer(), self.class_path, self.layer)  # of an earlier panel on this stage
         # The asset without this look, to compare with: the same layers, opened once.
         beside = Sdf.Layer.CreateAnonymous()
         mask = Usd.StagePopulationMask([self.plant_path])
@@ -83,18 +85,34 @@ class LiveLook:
         Args:
             bounds: What holds the edited leaves of each prim (Product.leaf_bounds); without, a wider guess.
         """
-        self.layer.TransferContent(self._build(edits, "", bounds))  # notifies the stage only of what differs
+        self.layer.TransferContent(self._build(edits, "", bounds))
+        self._publish()
 
     def reset(self) -> None:
         """Take all edits back."""
         self.layer.Clear()
+        self._publish()
 
     def is_visible(self) -> bool:
-        return not self.stage.IsLayerMuted(self.layer.identifier)
+        return self._visible
 
     def show(self, visible: bool) -> None:
-        """Mute the edits, or show them again."""
-        (self.stage.UnmuteLayer if visible else self.stage.MuteLayer)(self.layer.identifier)
+        """Hide the edits, or show them again."""
+        self._visible = visible
+        self._publish()
+
+    def _publish(self) -> None:
+        """Make the session layer's opinions on the class those of the look, or none where they are hidden."""
+        if self.class_path is None:
+            return
+        session = self.stage.GetSessionLayer()
+        wanted = Sdf.Layer.CreateAnonymous()
+        wanted.TransferContent(session)
+        if wanted.GetPrimAtPath(self.class_path):
+            _remove_prim(wanted, self.class_path)
+        if self._visible and self.layer.GetPrimAtPath(self.class_path):
+            _copy_prim(self.layer, self.class_path, wanted)
+        session.TransferContent(wanted)  # notifies the stage only of what differs
 
     def write(self, path: str, edits: dict) -> None:
         """Write the edits as a look, with no more than USD; its extents are wider than those of usdfoliage."""
@@ -129,7 +147,7 @@ class LiveLook:
 
     def _follow(self) -> None:
         """Mute what the shown stage mutes."""
-        wanted = set(self.stage.GetMutedLayers()) - {self.layer.identifier}
+        wanted = set(self.stage.GetMutedLayers())
         muted = set(self._base.GetMutedLayers())
         if wanted != muted:
             self._base.MuteAndUnmuteLayers(sorted(wanted - muted), sorted(muted - wanted))
@@ -139,6 +157,26 @@ class LiveLook:
         if path not in self._ranges:
             self._ranges[path] = read_range(prim)
         return self._ranges[path]
+
+
+def _copy_prim(source: Sdf.Layer, path: Sdf.Path, target: Sdf.Layer) -> None:
+    """Copy a prim with all below it; what stands above it becomes overs."""
+    Sdf.CreatePrimInLayer(target, path)
+    Sdf.CopySpec(source, path, target, path)
+
+
+def _remove_prim(layer: Sdf.Layer, path: Sdf.Path) -> None:
+    """Remove a prim, and overs above it that hold nothing else."""
+    while path != Sdf.Path.absoluteRootPath:
+        edit = Sdf.BatchNamespaceEdit()
+        edit.Add(path, Sdf.Path.emptyPath)
+        layer.Apply(edit)
+        path = path.GetParentPath()
+        above = layer.GetPrimAtPath(path)
+        if above is None or path == Sdf.Path.absoluteRootPath or above.nameChildren or above.properties:
+            return
+        if set(above.ListInfoKeys()) - {"specifier"} or above.specifier != Sdf.SpecifierOver:
+            return
 
 
 _SINGLE = ("width", "jitter_amplitude", "jitter_frequency")  # edits of one number; the others have three

@@ -12,12 +12,14 @@ It stands in usdview and in the viewer of usdfoliage, and knows neither. What it
     show_message(text)          a line for the user
 """
 
+from pxr import Tf, Usd
+
 from usdviewFoliage import plants
 from usdviewFoliage.edit_sliders import EditSliders
 from usdviewFoliage.leaf_drawing import LeafDrawing
 from usdviewFoliage.live_look import LiveLook
 from usdviewFoliage.product import ProductError, ProductGoneError
-from usdviewFoliage.qt import QtWidgets
+from usdviewFoliage.qt import QtCore, QtWidgets
 
 NO_PRODUCT = "The average leaf is drawn by usdfoliage: put it on PATH."
 
@@ -28,6 +30,12 @@ class FoliagePanel(QtWidgets.QWidget):
     def __init__(self, host, parent=None) -> None:
         super().__init__(parent)
         self.host = host
+        self.stage = host.stage
+        self._listener = Tf.Notice.Register(Usd.Notice.ObjectsChanged, self._note_change, self.stage)
+        self._timer = QtCore.QTimer(self)  # what changes at once is followed once
+        self._timer.setSingleShot(True)
+        self._timer.setInterval(0)
+        self._timer.timeout.connect(self._follow_stage)
         self.looks = {}  # by the asset's interface layer, made when it is first shown
         self.look = None
         self._pressed = False  # a slider
@@ -85,11 +93,13 @@ class FoliagePanel(QtWidgets.QWidget):
 
     def find_plants(self) -> None:
         """Look for the plants of the stage anew."""
-        found = plants.one_of_each(plants.find_plants(self.host.stage))
+        found = plants.one_of_each(plants.find_plants(self.stage))
+        before = self.plant_box.currentData()
         self.plant_box.blockSignals(True)
         self.plant_box.clear()
         for plant in found:
             self.plant_box.addItem(plant.GetName(), str(plant.GetPath()))
+        self.plant_box.setCurrentIndex(max(self.plant_box.findData(before), 0 if found else -1))
         self.plant_box.blockSignals(False)
         self.plant_box.setVisible(len(found) > 1)
         self._choose_plant()
@@ -97,7 +107,7 @@ class FoliagePanel(QtWidgets.QWidget):
     def refresh(self) -> None:
         """Show what the stage has now."""
         self._list_variants()
-        guides = plants.guide_prims(self.host.stage)
+        guides = plants.guide_prims(self.stage)
         for name, box in self.guide_boxes.items():
             box.setEnabled(name in guides)
         why_not = self.look.why_not() if self.look else "There is no plant of usdfoliage here."
@@ -112,13 +122,32 @@ class FoliagePanel(QtWidgets.QWidget):
             self._draw_leaf()
         self.host.redraw()
 
+    def leave_stage(self) -> None:
+        """Listen to the stage no more: it is being closed, or has been."""
+        self._timer.stop()
+        if self._listener is not None:
+            self._listener.Revoke()
+            self._listener = None
+
+    def _note_change(self, notice, _stage) -> None:
+        """Prims have come or gone, as where a variant was selected in another part of the program."""
+        if notice.GetResyncedPaths():
+            self._timer.start()
+
+    def _follow_stage(self) -> None:
+        if self._pressed:  # a slider is not moved under the hand that holds it
+            self._timer.start(200)
+            return
+        self._timer.setInterval(0)
+        self.find_plants()
+
     def _choose_plant(self) -> None:
-        plant = self.host.stage.GetPrimAtPath(self.plant_box.currentData() or "/")
+        plant = self.stage.GetPrimAtPath(self.plant_box.currentData() or "/")
         self.look = None
         if self.plant_box.count() and plant:
             key = plants.interface_file(plant) or str(plant.GetPath())
             if key not in self.looks:
-                self.looks[key] = LiveLook(self.host.stage, plant)
+                self.looks[key] = LiveLook(self.stage, plant)
             self.look = self.looks[key]
             self.show_box.blockSignals(True)
             self.show_box.setChecked(self.look.is_visible())
@@ -159,7 +188,7 @@ class FoliagePanel(QtWidgets.QWidget):
 
     def select(self, name: str, chosen: str) -> None:
         """Select a variant on all plants of the asset."""
-        plants.select_variant(self.host.stage, name, chosen, self.look.interface if self.look else None)
+        plants.select_variant(self.stage, name, chosen, self.look.interface if self.look else None)
         self.refresh()
 
     def show_guide(self, name: str, visible: bool) -> None:
@@ -216,7 +245,7 @@ class FoliagePanel(QtWidgets.QWidget):
 
     def _show_guides(self) -> None:
         checked = {name for name, box in self.guide_boxes.items() if box.isChecked()}
-        plants.show_guides(self.host.stage, checked)
+        plants.show_guides(self.stage, checked)
         self.host.draw_guides(bool(checked))
         self.host.draw_cameras("Cameras" in checked)
         self.host.redraw()

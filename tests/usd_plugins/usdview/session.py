@@ -16,11 +16,21 @@ import pxr  # noqa: E402
 
 pxr.__path__.append(str(Path(__file__).resolve().parent))  # pxr.Usdviewq
 
-from pxr import Plug, Tf, Usd, UsdGeom  # noqa: E402
+from pxr import Plug, Sdf, Tf, Usd, UsdGeom  # noqa: E402
 from pxr.Usdviewq import plugin  # noqa: E402
-from PySide6 import QtWidgets  # noqa: E402
+from PySide6 import QtCore, QtWidgets  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]
+
+
+class DataModel(QtCore.QObject):
+    """The rootDataModel, which also announces another stage."""
+
+    signalStageReplaced = QtCore.Signal()
+
+    def __init__(self):
+        super().__init__()
+        self.viewSettings = SimpleNamespace(displayGuide=False, displayCameraOracles=False)
 
 
 class Api:
@@ -28,7 +38,7 @@ class Api:
 
     def __init__(self, stage, window):
         self.stage, self.qMainWindow = stage, window
-        self.dataModel = SimpleNamespace(viewSettings=SimpleNamespace(displayGuide=False, displayCameraOracles=False))
+        self.dataModel = DataModel()
         self.messages, self.redrawn = [], 0
 
     def UpdateViewport(self):
@@ -57,6 +67,28 @@ def titles(menu):
     return {
         action.text(): titles(action.menu()) if action.menu() else None for action in menu.actions() if action.text()
     }
+
+
+def reopen(api, window, asset, application):
+    """What the panel does after Reopen Stage, and after 2,000 steps of a slider."""
+    before = window.findChild(QtWidgets.QDockWidget, "usdviewFoliage").widget().host.product
+    first, api.stage = api.stage, None
+    api.dataModel.signalStageReplaced.emit()
+    closed = window.findChild(QtWidgets.QDockWidget, "usdviewFoliage").widget() is None
+    first.Reload()
+    api.stage = Usd.Stage.Open(first.GetRootLayer(), Sdf.Layer.CreateAnonymous())
+    api.dataModel.signalStageReplaced.emit()
+    application.processEvents()
+    panel = window.findChild(QtWidgets.QDockWidget, "usdviewFoliage").widget()
+    leaves = api.stage.GetDefaultPrim().GetPath().AppendPath("geo/render/Leaves.primvars:leaf:edit:width")
+    slider = panel.sliders.sliders["Shape", "width"]
+    for step in range(2000):
+        slider.setValue((37 * step) % 1000)
+        if not step % 100:
+            application.processEvents()
+    panel.sliders.boxes["Shape", "width"].setValue(1.25)
+    widths = [stage.GetAttributeAtPath(leaves).Get() for stage in (api.stage, first)]
+    return {"closed": closed, "widths": widths, "same_product": panel.host.product is before}
 
 
 def main(asset, folder):
@@ -117,6 +149,16 @@ def main(asset, folder):
     run("reset")
     seen["reset"] = [width(), panel.sliders.boxes["Shape", "width"].value()]
 
+    panel.sliders.boxes["Shape", "width"].setValue(1.5)
+    stage.GetSessionLayer().Export(str(Path(folder) / "overrides.usda"))  # what "Save Overrides As" writes
+    run("reset")
+
+    with Usd.EditContext(stage, stage.GetSessionLayer()):  # in another part of usdview
+        plant.GetVariantSets().SetSelection("representation", "mesh")
+    application.processEvents()
+    seen["elsewhere"] = [panel.variant_boxes["representation"].currentText(), panel.sliders.isEnabled()]
+    run("representation.bezier")
+
     stage.SetEditTarget(stage.GetSessionLayer())
     guide = UsdGeom.Scope.Define(stage, plant.GetPath().AppendPath("geo/guide/Skeleton"))
     panel.refresh()
@@ -127,6 +169,7 @@ def main(asset, folder):
     run("guide.Cloud")
     seen["no_cloud"] = api.messages[-1]
     seen["untouched"] = not any(layer.dirty for layer in stage.GetUsedLayers() if not layer.anonymous)
+    seen["again"] = reopen(api, window, asset, application)
     print(json.dumps(seen))
     sys.stdout.flush()
     os._exit(0)  # Blender's clean-up may crash
