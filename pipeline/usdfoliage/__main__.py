@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from usdfoliage import __version__
-from usdfoliage.cli.box import BOXED, run_in_box
+from usdfoliage.cli.box import BOXED, refuse_harmful, run_in_box
 from usdfoliage.cli.help_format import HelpFormatter, shorten_usage
 from usdfoliage.cli.noise import divert_libraries
 from usdfoliage.cli.remarks import render_for
@@ -98,7 +98,7 @@ def main(arguments: Sequence[str] | None = None, prepare: Callable[[argparse.Nam
 
     Args:
         arguments: The words after the program's name. None: those of this process, which then is a command line's; a
-            command that opens USD runs in a child of it (usdfoliage.cli.box).
+            command that opens USD runs in a child of it (usdfoliage.cli.box), or lets a child open the asset first.
         prepare: Called with the options before the command runs.
     """
     # A daemon may have closed them, and printing must not fail then.
@@ -116,7 +116,7 @@ def main(arguments: Sequence[str] | None = None, prepare: Callable[[argparse.Nam
     if arguments is None and os.name == "posix":
         noise = divert_libraries()
         try:
-            return _run(words, prepare)
+            return _run(words, prepare or _check_leaves)
         finally:
             if not {"-v", "--verbose"}.isdisjoint(words):
                 for line in noise.lines():
@@ -175,6 +175,12 @@ def _run(words: Sequence[str], prepare: Callable[[argparse.Namespace], None] | N
             file=sys.stderr,
         )
         return 1
+
+
+def _check_leaves(options: argparse.Namespace) -> None:
+    """See first whether a command that is in no box may open the asset that it takes leaves from."""
+    if options.command == "branches" and options.leaves is not None:
+        refuse_harmful(options.leaves)
 
 
 def _one_line(message: str) -> str:

@@ -20,6 +20,9 @@ def main() -> int:
     from usdfoliage.files.children import end_with_parent
 
     end_with_parent(parent)
+    from usdfoliage.files.delayed_interrupts import take_interrupts
+
+    take_interrupts()  # before the package is imported one would end Python with a traceback
     from usdfoliage.cli.noise import move_streams
 
     move_streams(noise)

@@ -114,6 +114,15 @@ def test_what_no_undisturbed_run_leaves_is_found(tmp_path, name):
     assert find_left_over(WHOLE, tmp_path, NEW) != []
 
 
+def test_an_output_that_names_its_place_is_the_same_elsewhere(tmp_path):
+    for name in ("old", "round"):
+        (tmp_path / name / "out").mkdir(parents=True)
+        (tmp_path / name / "out" / "job.yaml").write_text(f"work: {tmp_path / 'old'}/work")
+    old = digest_tree(tmp_path / "old", ["out"])
+    assert digest_tree(tmp_path / "round", ["out"], tmp_path / "old") == old
+    assert digest_tree(tmp_path / "round", ["out"]) != old
+
+
 @pytest.fixture
 def fake(monkeypatch, tmp_path):
     """Puts another command in the place of ours, which is killed in its middle, and kills it."""

@@ -99,6 +99,18 @@ def change_work():
     return refuse()
 
 
+def be_ended():
+    """As a box that ends its child, which had begun to write."""
+    Path(".out.0123456789ab.usdfoliage-lock").write_text("")
+    print("error: a.usda takes more than 2.0 GiB of memory to read; it is damaged", file=sys.stderr)
+    return 2
+
+
+def leave_hidden():
+    Path(".out.0123456789ab.usdfoliage-lock").write_text("")
+    return refuse()
+
+
 def use_time():
     end = time.process_time() + 0.3
     while time.process_time() < end:
@@ -113,6 +125,7 @@ def test_a_refusal_is_no_fault(run_fake, tmp_path):
     assert re.search(r"usda, a million prims +info +2 .* error: a.usda is too large", format_line(outcome))
     assert not (tmp_path / "run").exists()
     assert run_fake(change_work).faults == []
+    assert run_fake(be_ended).faults == []
 
 
 @pytest.mark.parametrize(
@@ -123,6 +136,7 @@ def test_a_refusal_is_no_fault(run_fake, tmp_path):
         (print_traceback, "Traceback"),
         (change_input, "input changed: a.usda"),
         (leave_half, "partial output: out.usda"),
+        (leave_hidden, "left behind: .out.0123456789ab.usdfoliage-lock"),
         (lambda: 3, "exit code 3"),
         (lambda: 2, "0 messages"),
     ],
@@ -238,7 +252,7 @@ def test_the_benchmark_runs_and_prints_a_table():
     lines = ended.stdout.splitlines()
     assert [line.split()[0] for line in lines[:2]] == ["file", "PLY,"]
     assert "states 2,147,483,648 rows of vertex" in lines[1]
-    assert "2,147,483 points of a.ply are in one place" in lines[2]
+    assert "the others are holes" in lines[2]
     assert lines[-1].startswith("2 commands on 2 files, 0 with faults; at most ")
 
 

@@ -12,6 +12,8 @@ from usdfoliage.cli.box import BoxLimits, allow, usage
 from usdfoliage.cli.composition import measure_composition
 from usdfoliage.errors import FoliageError
 
+from tests.support.branch_clouds import cloud_of, small_tree
+from tests.support.cloud_files import write_ply
 from tests.support.leaves.commands import run
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="a box follows its child by /proc")
@@ -152,6 +154,54 @@ def is_gone(pid):
     return False
 
 
+def test_leaves_of_an_asset_are_opened_in_a_box_before_branches_take_them(chain, parentheses, tmp_path):
+    cloud, spray = tmp_path / "tree.ply", tmp_path / "spray"
+    write_ply(cloud, cloud_of(small_tree(), per_m2=2000))
+    assert run("scatter", "-n", 3, "-o", spray) == 0
+    words = ("branches", cloud, "--no-preview", "-o", tmp_path / "out", "--leaves")
+    for asset, environment, what in (
+        (chain, {"USDFOLIAGE_CPU_LIMIT_S": "6"}, f"error: {chain} "),  # USD's stack ends, or its time
+        (parentheses, {"USDFOLIAGE_MEMORY_LIMIT_GIB": "0.6"}, f"error: {parentheses} takes more than 0.6 GiB"),
+    ):
+        code, printed, complaints = end(*words, asset, **environment)
+        assert (code, printed) == (2, "")
+        assert complaints.startswith(what)
+        assert complaints.count("\n") == 1
+        assert not (tmp_path / "out").exists()
+    code, printed, complaints = end(*words, chain, USDFOLIAGE_TEXT_LIMIT_MIB="0.1")
+    assert (code, printed) == (2, "")
+    assert "is a layer of 1 MiB of text, more than 0" in complaints
+    assert complaints.count("\n") == 1
+    code, printed, complaints = end(*words, tmp_path / "none.usda")
+    assert (code, complaints) == (
+        2,
+        f"error: {tmp_path / 'none.usda'} does not exist; name an asset's folder or its .usda\n",
+    )
+    code, printed, complaints = end(*words, spray)
+    assert (code, complaints) == (0, "")
+    assert "asset: " in printed
+
+
+def blocked_signals(pid):
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return int(next(line for line in lines if line.startswith("SigBlk:")).split()[1], 16)
+
+
+def test_interrupts_wait_until_the_child_can_be_interrupted(chain):
+    process = start("info", chain)
+    while not children(process.pid):
+        assert process.poll() is None
+    (child,) = children(process.pid)
+    bit = 1 << signal.SIGINT - 1
+    assert blocked_signals(child) & bit  # Python would end with a traceback while it starts
+    assert not blocked_signals(child_at_work(process)) & bit
+    os.kill(child, signal.SIGINT)
+    process.send_signal(signal.SIGINT)  # Ctrl-C where both are in the terminal's group
+    _, complaints = process.communicate(timeout=60)
+    assert process.returncode in (-signal.SIGINT, 2, 130)
+    assert "Traceback" not in complaints
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGKILL])
 def test_the_child_ends_with_its_parent(chain, number):
     process = start("info", chain)
@@ -187,11 +237,14 @@ def test_limits_that_are_no_numbers_are_refused(tmp_path):
 def test_larger_files_may_take_more(monkeypatch):
     for name in ("USDFOLIAGE_MEMORY_LIMIT_GIB", "USDFOLIAGE_TIME_LIMIT_S"):
         monkeypatch.delenv(name, raising=False)
-    small, large = allow("a", "info", 0), allow("a", "info", 10 << 20)
+    small, large = allow("a", "info", 0), allow("a", "info", 40 << 20)
     assert small.memory_bytes == 2 << 30
     assert large.memory_bytes > small.memory_bytes
     assert large.seconds > small.seconds == BoxLimits().base_s
     assert large.cpu_s > small.cpu_s == BoxLimits().base_cpu_s
+    million = allow("a", "info", 23_000_000)  # prims, in text; a crate of them is smaller
+    assert million.cpu_s < 57
+    assert million.memory_bytes < 2.9e9
     assert large.output_bytes == small.output_bytes == 16 << 30
     assert allow("a", "view", 0).until_drawing  # its user closes it
     assert not small.until_drawing

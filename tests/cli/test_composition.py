@@ -2,7 +2,9 @@
 
 import os
 import random
+import struct
 import time
+import zipfile
 
 import pytest
 from pxr import Sdf
@@ -76,6 +78,59 @@ def test_only_layers_elsewhere_count(places):
     lines = "".join(f"@../library/{name}@\n" for name in (*names, "x" * 3000 + ".usda"))
     (scene / "scene.usda").write_text(f"#usda 1.0\n{lines}@/dev/zero.usda@ @{'x' * 9000}")
     assert measure_composition(scene).size_bytes == disk_bytes(scene / "scene.usda")
+
+
+def write_package(path, members):
+    """A package as USD makes them: what is in it is stored as it is."""
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, data in members.items():
+            archive.writestr(name, data)
+    return path
+
+
+def test_text_in_packages_counts_as_text(tmp_path):
+    text = b"#usda 1.0\n" + b"# \n" * LARGE
+    picture = b"0" * 2 * LARGE
+    inner = write_package(tmp_path / "inner.usdz", {"b.usda": text, "c.png": picture}).read_bytes()
+    for members, expected in (
+        ({"a.usdc": b"PXR-USDC" + picture, "c.png": picture}, 0),
+        ({"a.usda": b"#usda 1.0\n", "a.usd": text}, len(text)),
+        ({"a.usdc": b"PXR-USDC", "inner.usdz": inner}, len(text)),
+    ):
+        package = write_package(tmp_path / "a.usdz", members)
+        found = measure_composition(package)
+        assert found.text_bytes == expected
+        assert found.text == (package if expected else None)
+        assert found.size_bytes >= len(package.read_bytes())
+
+
+def test_damaged_packages_are_measured_without_a_fault(tmp_path):
+    inner = write_package(tmp_path / "inner.usdz", {f"{k}.usda": "#usda 1.0\n" for k in range(20)}).read_bytes()
+    path = write_package(tmp_path / "a.usdz", {f"{k}.usdz": inner for k in range(20)})
+    whole = path.read_bytes()
+    rng = random.Random(5)
+    began = time.process_time()
+    for _ in range(400):
+        data = bytearray(whole[: rng.randrange(8, len(whole))] if rng.random() < 0.2 else whole)
+        for _ in range(rng.randrange(1, 30)):
+            data[rng.choice([rng.randrange(len(data)), -1 - rng.randrange(min(2000, len(data)))])] = rng.randrange(256)
+        path.write_bytes(data)
+        measure_composition(path)
+    assert time.process_time() - began < 60
+
+
+def test_a_package_that_lists_itself_is_measured_once_and_for_all(tmp_path):
+    """Each of its entries is the package from its beginning: in each other they would never end."""
+    path = write_package(tmp_path / "a.usdz", {f"{k}.usdz": b"PK\x03\x04" for k in range(500)})
+    data = bytearray(path.read_bytes())
+    at = data.find(b"PK\x01\x02")
+    while at >= 0:
+        struct.pack_into("<I", data, at + 24, len(data))
+        at = data.find(b"PK\x01\x02", at + 4)
+    path.write_bytes(data)
+    began = time.process_time()
+    assert measure_composition(path).text_bytes == 0
+    assert time.process_time() - began < 20
 
 
 def test_damaged_crates_are_measured_without_a_fault(places):

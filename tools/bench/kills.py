@@ -67,15 +67,25 @@ class Tally:
     faults: list[str] = field(default_factory=list)
 
 
-def digest_tree(folder: Path, outputs: Sequence[str]) -> Tree:
-    """The files of outputs in a folder, wherever that is; what is hidden in a capture is its work."""
+def digest_tree(folder: Path, outputs: Sequence[str], earlier: Path | None = None) -> Tree:
+    """The files of outputs in a folder, wherever that is; what is hidden in a capture is its work.
+
+    Args:
+        folder: Where they are.
+        outputs: Which.
+        earlier: Where some of them were written, if elsewhere.
+    """
     found = {}
+    places = [os.fsencode(place) for place in (folder, earlier) if place is not None]
     for name in outputs:
         path = folder / name
         for each in [path] if path.is_file() else sorted(path.rglob("*")):
             inside = each.relative_to(folder).as_posix()
             if each.is_file() and "/.usdfoliage/" not in f"/{inside}":
-                found[inside] = sha256(each.read_bytes().replace(os.fsencode(folder), b"PLACE")).hexdigest()
+                data = each.read_bytes()
+                for place in places:
+                    data = data.replace(place, b"PLACE")
+                found[inside] = sha256(data).hexdigest()
     return found
 
 
@@ -221,7 +231,7 @@ def kill_rounds(
         faults = []
         for _ in range(min(KILLS_A_ROUND, kills - tally.kills.total())):
             victim, number, code, out, err, alive = kill_once(subject, folder, known, rng)
-            found = digest_tree(folder, subject.outputs)
+            found = digest_tree(folder, subject.outputs, known.earlier)
             state, fault = judge_output(subject, found, known, had_old, whole_input.values())
             is_poor = code == 0 and _POOR in out + err
             signal_name = signal.Signals(number).name

@@ -15,6 +15,7 @@ does anything else, writes a traceback, changes its input or leaves half an outp
 import argparse
 import multiprocessing
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -29,13 +30,14 @@ from usdfoliage.cli.box import usage
 
 from tools.fuzz.cases import Case
 from tools.fuzz.isolation import Ended, poll_command, start_command
-from tools.fuzz.judgement import State, find_faults, folder_state
+from tools.fuzz.judgement import State, find_faults, folder_state, is_hidden_leftover
 from tools.fuzz.worst_files import WorstFile, worst_files
 
 WORK = "work"  # the folder that builds work in
 TOOLS = Path(__file__).resolve().parents[1]
 _POLL_S = 0.02
 _LINE_CHARACTERS = 120
+_ENDED_CHILD = re.compile(r"takes more than|was not read within|ended the process that read it")
 _COLUMNS = f"{'file':<32} {'command':<9} {'exit':>4} {'cpu s':>6} {'s':>6} {'MiB':>6}  last line"
 
 
@@ -126,9 +128,15 @@ def run_command(
 def judge(
     case: Case, ended: Ended, peak_bytes: float, before: State, after: State, limits: WorstLimits = WorstLimits()
 ) -> list[str]:
-    """What a command did wrong, none for nothing; a work folder is for the command to change."""
+    """What a command did wrong, none for nothing.
+
+    A work folder is for the command to change. Where a box ended its child, hidden files stay for the next run to
+    remove.
+    """
     if peak_bytes > limits.stop_bytes:
         return [f"memory: ended at {peak_bytes / 1e9:.1f} GB"]
+    if _ENDED_CHILD.search(ended.stderr):
+        after = {name: state for name, state in after.items() if not is_hidden_leftover(name)}
     states = [{name: state for name, state in each.items() if Path(name).parts[0] != WORK} for each in (before, after)]
     faults = find_faults(case, ended, *states, time_limit_s=limits.cpu_s)
     if peak_bytes > limits.memory_bytes:

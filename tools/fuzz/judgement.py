@@ -49,7 +49,7 @@ def find_faults(case: Case, ended: Ended, before: State, after: State, time_limi
         faults.append(f"input changed: {changed[0]}")
     new = [name for name in after if name not in before]
     if case.kind == CHILDREN_KILLED:  # the next run for the same output removes what they leave; bench/kills.py
-        new = [name for name in new if not any(part[0] == "." and _LEFT.search(part) for part in Path(name).parts)]
+        new = [name for name in new if not is_hidden_leftover(name)]
     left = [name for name in new if _LEFT.search(name)]
     if left:
         faults.append(f"left behind: {left[0]}")
@@ -58,6 +58,11 @@ def find_faults(case: Case, ended: Ended, before: State, after: State, time_limi
     elif any(not name.startswith("out") for name in new):
         faults.append("output elsewhere: " + next(name for name in new if not name.startswith("out")))
     return faults
+
+
+def is_hidden_leftover(name: str) -> bool:
+    """Whether a path is of what a killed run leaves, hidden, for the next run to remove."""
+    return any(part[0] == "." and _LEFT.search(part) for part in Path(name).parts)
 
 
 def _message_faults(case: Case, ended: Ended) -> list[str]:

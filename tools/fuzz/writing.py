@@ -109,7 +109,7 @@ SUBJECTS: Mapping[str, Subject] = {
     "preview, turntable": Subject(
         words=("preview", SPRAY, "-o", "turn.png", "--size", "64", "64", "--turntable", "3"),
         other=("--background", "transparent"),
-        outputs=("turn.png", "turn.0001.png", "turn.0002.png", "turn.0003.png"),
+        outputs=("turn.png", "turn_000.png", "turn_001.png", "turn_002.png"),
         apart=True,
     ),
 }

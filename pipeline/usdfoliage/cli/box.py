@@ -19,15 +19,18 @@ import selectors
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import FrameType
+from typing import IO
 
 from usdfoliage.cli.composition import Composition, measure_composition
 from usdfoliage.cli.noise import MAX_BYTES, noise_lines
 from usdfoliage.errors import FoliageError
+from usdfoliage.files.delayed_interrupts import interrupts_delayed
 from usdfoliage.files.printable import printable
 from usdfoliage.files.temporary_folder import remove_abandoned
 
@@ -41,6 +44,7 @@ TEXT_VARIABLE = "USDFOLIAGE_TEXT_LIMIT_MIB"
 BOXED = ("info", "validate", "edit", "bake", "preview", "view")
 _DRAWING = ("preview", "view")  # they draw in a third process: Storm has a limit, and a window is closed by its user
 _GIB = 1 << 30
+_ERROR = "error: "  # how the line of a refusal begins
 _POLL_S = 0.03  # 100 MB at most are taken meanwhile
 _FROM_OUTSIDE = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
 _ENDING_S = 20.0  # for a child that is asked to end
@@ -51,10 +55,10 @@ class BoxLimits:
     """What a command may take for the files that it is given."""
 
     base_gib: float = 2.0  # GiB of memory for any asset.
-    memory_ratio: float = 48.0  # Bytes of memory for each byte of the asset's files; crates are compressed.
+    memory_ratio: float = 32.0  # Bytes of memory for each byte of the asset's files; crates are compressed.
     machine_share: float = 0.75  # The share of the machine's memory that no asset gets more than.
-    base_cpu_s: float = 35.0  # Seconds of the processor for any asset.
-    seconds_per_mib: float = 5.0  # Seconds of the processor for each MiB of the asset's files.
+    base_cpu_s: float = 50.0  # Seconds of the processor for any asset.
+    seconds_per_mib: float = 2.5  # Seconds of the processor for each MiB of its files, where that is more.
     base_s: float = 180.0  # Seconds for any asset by the clock, which runs while other work has the processor.
     waiting_ratio: float = 5.0  # Seconds by the clock for each of the processor beyond those for any asset.
     file_gib: float = 16.0  # GiB that a file written may have.
@@ -87,6 +91,60 @@ def run_in_box(words: Sequence[str], limits: BoxLimits = BoxLimits()) -> int:
     Raises:
         FoliageError: A limit that the environment states is no number above 0.
     """
+    ended = _run_child(words, limits)
+    if ended.allowed.verbose:
+        for line in ended.noise:
+            print(f"INFO: library: {line}", file=sys.stderr)
+    if not ended.reason and ended.code >= 0:
+        return ended.code
+    if not ended.reason and -ended.code in ended.received:  # it had no handler yet
+        signal.signal(-ended.code, signal.SIG_DFL)
+        os.kill(os.getpid(), -ended.code)
+    remove_abandoned()
+    print(f"{_ERROR}{ended.reason or _explain_signal(ended.allowed, -ended.code)}", file=sys.stderr)
+    return 2
+
+
+def refuse_harmful(asset: Path, limits: BoxLimits = BoxLimits()) -> None:
+    """Let a child open an asset as `info` does, before this process opens it for a command that is in no box.
+
+    Raises:
+        FoliageError: The child took more than its limits, died, or refused the asset.
+        KeyboardInterrupt: A signal came that interrupts.
+    """
+    with tempfile.TemporaryFile() as complaints:
+        ended = _run_child(("info", "--", str(asset)), limits, complaints=complaints)
+        complaints.seek(0)
+        lines = complaints.read(MAX_BYTES).decode(errors="replace").splitlines()
+    if ended.received:
+        raise KeyboardInterrupt
+    if ended.reason or ended.code < 0:
+        remove_abandoned()
+        raise FoliageError(ended.reason or _explain_signal(ended.allowed, -ended.code))
+    if ended.code:
+        refused = [line.removeprefix(_ERROR) for line in lines if line.startswith(_ERROR)]
+        raise FoliageError(refused[-1] if refused else f"{printable(asset)} cannot be read as USD")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Ended:
+    """How a child ended."""
+
+    code: int  # of exit; a signal as its negative number
+    reason: str  # why the parent ended it; empty where it did not
+    received: frozenset[int]  # signals that came meanwhile
+    allowed: Allowance
+    noise: Sequence[str]
+
+
+def _run_child(words: Sequence[str], limits: BoxLimits, complaints: IO[bytes] | None = None) -> _Ended:
+    """Run a command in a child and wait for its end, or end it.
+
+    Args:
+        words: Of the command line.
+        limits: What it may take.
+        complaints: Where its stderr goes, without its stdout; None: both are this process's.
+    """
     likely = next(
         (word for word in words[1:] if os.path.lexists(word)), ""
     )  # until the child knows, as on a busy machine
@@ -96,29 +154,28 @@ def run_in_box(words: Sequence[str], limits: BoxLimits = BoxLimits()) -> int:
     for pipe in (report_out, noise_out):
         os.set_blocking(pipe, False)
     script = Path(__file__).parents[1] / "boxed.py"
-    child = subprocess.Popen(
-        [sys.executable, str(script), str(os.getpid()), str(report_in), str(noise_in), *words],
-        pass_fds=(report_in, noise_in),
-        process_group=0,  # what it starts is ended with it, and a terminal's signals come by way of the parent
-    )
+    with interrupts_delayed():
+        child = subprocess.Popen(
+            [sys.executable, str(script), str(os.getpid()), str(report_in), str(noise_in), *words],
+            pass_fds=(report_in, noise_in),
+            process_group=0,  # what it starts is ended with it, and a terminal's signals come by way of the parent
+            stdout=None if complaints is None else subprocess.DEVNULL,
+            stderr=complaints,
+        )
     for pipe in (report_in, noise_in):
         os.close(pipe)
     watched = _Watched(process=child, reports=report_out, noise=noise_out, allowed=allowed)
     with _forwarded_signals(child.pid) as received:
-        ended = watched.wait()
+        reason = watched.wait()
     for pipe in (report_out, noise_out):
         os.close(pipe)
-    if watched.allowed.verbose:
-        for line in watched.noise_lines():
-            print(f"INFO: library: {line}", file=sys.stderr)
-    if not ended and child.returncode >= 0:
-        return child.returncode
-    if not ended and received and -child.returncode in received:  # it had no handler yet
-        signal.signal(-child.returncode, signal.SIG_DFL)
-        os.kill(os.getpid(), -child.returncode)
-    remove_abandoned()
-    print(f"error: {ended or _explain_signal(watched.allowed, -child.returncode)}", file=sys.stderr)
-    return 2
+    return _Ended(
+        code=child.returncode,
+        reason=reason,
+        received=frozenset(received),
+        allowed=watched.allowed,
+        noise=watched.noise_lines(),
+    )
 
 
 def allow(
@@ -131,12 +188,12 @@ def allow(
     """
     machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     memory = min(limits.base_gib * _GIB + limits.memory_ratio * size_bytes, limits.machine_share * machine)
-    more_s = limits.seconds_per_mib * size_bytes / (1 << 20)
+    cpu_s = max(limits.base_cpu_s, limits.seconds_per_mib * size_bytes / (1 << 20))
     return Allowance(
         name=name,
         memory_bytes=int(_stated(MEMORY_VARIABLE, memory / _GIB) * _GIB),
-        cpu_s=_stated(WORK_VARIABLE, limits.base_cpu_s + more_s),
-        seconds=_stated(TIME_VARIABLE, limits.base_s + limits.waiting_ratio * more_s),
+        cpu_s=_stated(WORK_VARIABLE, cpu_s),
+        seconds=_stated(TIME_VARIABLE, limits.base_s + limits.waiting_ratio * (cpu_s - limits.base_cpu_s)),
         output_bytes=int(_stated(OUTPUT_VARIABLE, limits.file_gib) * _GIB),
         until_drawing=command in _DRAWING,
         verbose=verbose,

@@ -1,8 +1,8 @@
 """Trace the branches of a plant through its point cloud, and write an asset.
 
-CLOUD is a file (PLY, LAS, LAZ, or text with x y z on each line) or the folder of a capture. The asset has the skeleton
-with radii, parents and orders of the branches, and one closed surface over all branches. With --foliage it also has
-leaves on its twigs, which can be edited as in any other asset.
+CLOUD is a file (PLY, LAS, LAZ, E57, or text with x y z on each line) or the folder of a capture. The asset has the
+skeleton with radii, parents and orders of the branches, and one closed surface over all branches. With --foliage it
+also has leaves on its twigs, which can be edited as in any other asset.
 
     usdfoliage branches scan.laz -o assets/ash
     usdfoliage branches scan.laz -o assets/maple --species maple --foliage template

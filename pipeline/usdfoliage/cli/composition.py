@@ -20,7 +20,10 @@ USD_SUFFIXES = (".usda", ".usdc", ".usd", ".usdz")
 MAX_ENTRIES = 20_000  # of folders, and layers, that are looked at
 MAX_TEXT_BYTES = 64 << 20  # of all text layers together that are looked through for names of others
 MAX_TOKEN_BYTES = 1 << 20  # of the names in one crate
+MAX_TAIL_BYTES = 22 + (1 << 16)  # in which a package has the record of its directory
+MAX_DIRECTORY_BYTES = 16 << 20  # of all packages in a file
 _TEXT, _CRATE, _PACKAGE = b"#usda", b"PXR-USDC", b"PK\x03\x04"
+_PACKAGE_ENTRY, _PACKAGE_END = b"PK\x01\x02", b"PK\x05\x06"
 _Identity = tuple[int, int]  # device and inode
 _NAMED = re.compile(rb"@{1,3}([^@\n]{1,4096})@")
 
@@ -31,8 +34,8 @@ class Composition:
 
     Attributes:
         size_bytes: Of all files, as they lie on the disk: those of the asset's folder, and layers elsewhere.
-        text_bytes: The size of the largest text layer.
-        text: That layer; None without one.
+        text_bytes: The size of the largest text layer, in a package too.
+        text: That layer, or its package; None without one.
     """
 
     size_bytes: int
@@ -76,6 +79,9 @@ def measure_composition(asset: Path) -> Composition:
                         largest_bytes, largest = found.st_size, path
                 else:
                     names = []
+                    inside_bytes = max(_packed_texts(file.fileno(), found.st_size), default=0)
+                    if inside_bytes > largest_bytes:
+                        largest_bytes, largest = inside_bytes, path
         except (OSError, ValueError, struct.error):  # who reads it reports that
             continue
         if path.parent not in folders and len(_layers(path.parent)) == 1:  # of an asset, whose pictures are read too
@@ -124,6 +130,40 @@ def _crate_names(header: bytes, descriptor: int) -> Iterator[bytes]:
             data = os.pread(descriptor, min(size, MAX_TOKEN_BYTES), start)
             _, plain, packed = struct.unpack_from("<QQQ", data)
             yield from _unpack(data[24 : 24 + packed], min(plain, 8 * MAX_TOKEN_BYTES)).split(b"\0")
+
+
+def _packed_texts(descriptor: int, size: int) -> Iterator[int]:
+    """The sizes of the text layers in a package, and in packages in it; descriptor is of its open file.
+
+    Source:
+        PKWARE, APPNOTE.TXT, 4.3.12 and 4.3.16: headers of the directory, and the record at its end; USDZ specification:
+        members are stored as they are.
+    """
+    waiting, looked_at, left = [(0, size)], 0, MAX_DIRECTORY_BYTES
+    while waiting and looked_at < MAX_ENTRIES:
+        start, end = waiting.pop()
+        tail_at = max(start, end - MAX_TAIL_BYTES)
+        tail = os.pread(descriptor, end - tail_at, tail_at)
+        found = tail.rfind(_PACKAGE_END)
+        if found < 0 or len(tail) < found + 22:
+            continue
+        directory_size, offset = struct.unpack_from("<II", tail, found + 12)
+        directory = os.pread(descriptor, min(directory_size, left), start + offset)
+        left -= len(directory)
+        at = 0
+        while directory[at : at + 4] == _PACKAGE_ENTRY and len(directory) >= at + 46 and looked_at < MAX_ENTRIES:
+            (member_size,) = struct.unpack_from("<I", directory, at + 24)
+            (member_at,) = struct.unpack_from("<I", directory, at + 42)
+            at, looked_at = at + 46 + sum(struct.unpack_from("<HHH", directory, at + 28)), looked_at + 1
+            header = os.pread(descriptor, 30, start + member_at)
+            if len(header) < 30:
+                continue
+            begin = start + member_at + 30 + sum(struct.unpack_from("<HH", header, 26))
+            first = os.pread(descriptor, 8, begin)
+            if first.startswith(_TEXT):
+                yield member_size
+            elif first.startswith(_PACKAGE):
+                waiting.append((begin, min(end, begin + member_size)))
 
 
 def _unpack(data: bytes, bytes_allowed: int) -> bytes:

@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
-from typing import Any, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
 
+from usdfoliage.files.delayed_interrupts import interrupts_delayed, take_interrupts
 from usdfoliage.files.printable import PrintableFormatter
 from usdfoliage.jobs.plant.executors import Workers
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
-_INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class _Processes(ProcessPoolExecutor):
@@ -30,33 +30,8 @@ class _Processes(ProcessPoolExecutor):
     """
 
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
-        with _let_interrupts_wait():
+        with interrupts_delayed():
             return super().submit(fn, *args, **kwargs)
-
-
-@contextmanager
-def _let_interrupts_wait() -> Iterator[None]:
-    """Interrupts that come in the body are handled after it; processes that are started in it begin with them blocked.
-
-    To block them in this thread is not enough: the system then hands them to another thread (a library of numpy
-    has some), and Python runs their handlers in the main thread at once. So the handlers wait themselves.
-    """
-    if threading.current_thread() is not threading.main_thread():  # handlers run in the main thread alone
-        yield
-        return
-    came: list[int] = []
-    handlers: dict[int, Any] = {number: signal.getsignal(number) for number in _INTERRUPTS}
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPTS)
-    try:
-        for number in _INTERRUPTS:
-            signal.signal(number, lambda number, _frame: came.append(number))
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)  # what was blocked comes here, and waits with the others
-        for put_back, handler in handlers.items():
-            signal.signal(put_back, handler)
-        for one in came:
-            signal.raise_signal(one)
 
 
 @contextmanager
@@ -115,7 +90,7 @@ def _follow(end_signal: Connection, heard: Connection | None) -> None:
         handler.setFormatter(PrintableFormatter("%(levelname)s: %(message)s"))
         logging.basicConfig(level=logging.WARNING, handlers=[handler])
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPTS)  # a process begins with what was blocked at its start
+    take_interrupts()
 
     def end() -> None:
         try:
