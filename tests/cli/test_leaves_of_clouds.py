@@ -6,7 +6,7 @@ from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.capture.cloud_files.ply import read_cloud_file
 from usdfoliage.leaf.model import LeafOrigin
 
-from tests.support.cloud_files import write_any, write_ply
+from tests.support.cloud_files import write_any, write_las, write_ply
 from tests.support.leaves.commands import files, printed, read, refused, run
 from tests.support.leaves.scans import overlaps, scanned_leaves
 
@@ -85,6 +85,28 @@ def test_points_that_are_not_used_are_of_no_leaf(tmp_path, scan):
     np.testing.assert_array_equal(written[1:-1], broken[1:-1])
     assert leaf[0] == leaf[-1] == -1
     np.testing.assert_array_equal(leaf[-4:-1], leaf[1:4])  # duplicates are of the leaf of their place
+
+
+def test_points_that_the_file_marks_are_rows_of_no_leaf(tmp_path, scan):
+    points, _ = scan
+    some = np.arange(3, 200, 20)
+    classes = np.isin(np.arange(200), some) * 7
+    cloud = write_las(tmp_path / "scan.las", points[:200], classification=classes.astype(np.uint8))
+    assert run("leaves", cloud, "-o", tmp_path / "out", "--no-preview") == 0
+    written, leaf = labels_of(tmp_path / "out/report/points.ply")
+    np.testing.assert_allclose(written, points[:200], atol=6e-4)
+    assert (leaf[some] == -1).all()
+
+
+def test_marked_points_move_no_leaf_to_others(tmp_path, scan):
+    points, true = scan
+    marked = np.zeros(len(points), bool)
+    marked[::7] = True
+    cloud = write_las(tmp_path / "scan.las", points, withheld=marked)
+    assert run("leaves", cloud, "-o", tmp_path / "out", "--up", "Z", "--no-preview") == 0
+    _, leaf = labels_of(tmp_path / "out/report/points.ply")
+    assert (leaf[marked] == -1).all()
+    assert (overlaps(leaf[~marked], true[~marked]) > 0.8).mean() > 0.85
 
 
 @pytest.mark.parametrize("suffix", [".las", ".xyz"])

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 from usdfoliage.capture.cloud_files import e57
 from usdfoliage.capture.cloud_files.e57 import open_e57_parts
-from usdfoliage.capture.cloud_files.read import CloudInputSettings, find_cloud, is_cloud_input, read_cloud_input
+from usdfoliage.capture.cloud_files.read import (
+    CloudInputSettings,
+    find_cloud,
+    is_cloud_input,
+    iterate_points,
+    read_cloud_input,
+)
 from usdfoliage.errors import CaptureError
 
 pye57 = pytest.importorskip("pye57")
@@ -95,6 +101,10 @@ def test_points_without_a_place_are_left_out(tmp_path):
     assert [(each.code, each.text) for each in cloud.remarks] == [
         ("cloud-points-left-out", "50 points that the file marks as invalid left out")
     ]
+    assert cloud.total == COUNT
+    (every,) = iterate_points(cloud.path)
+    np.testing.assert_allclose(every.points, some_points(), atol=1e-6)
+    np.testing.assert_array_equal(every.used, invalid == 0)
 
 
 def test_spherical_coordinates(tmp_path):

@@ -194,6 +194,21 @@ def test_the_error_of_ascii_ply_that_ends_early_counts_its_rows(tmp_path, monkey
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".las", ".laz"])
+def test_files_of_holes_are_refused(tmp_path):
+    """A file of 25 GB that takes none would be read for minutes."""
+    path = write_ply(tmp_path / "tree.ply", some_points())
+    header = path.read_bytes().replace(b"vertex 200", b"vertex 2000000000")
+    for points, is_refused in ((200, False), (2_000_000_000, True)):
+        path.write_bytes(header if is_refused else write_ply(path, some_points()).read_bytes())
+        with path.open("ab") as file:
+            file.truncate(len(header) + 24 * points)
+        if is_refused:
+            with pytest.raises(CaptureError, match="the others are holes; copy it again"):
+                read_cloud_input(path)
+        else:
+            read_cloud_input(path)
+
+
 def test_files_without_points_are_refused(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     if suffix == ".ply":

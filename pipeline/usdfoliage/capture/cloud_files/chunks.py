@@ -15,10 +15,17 @@ PART_POINTS = 1 << 20  # that are read at once
 class CloudPart(NamedTuple):
     """Some points of a file, in its order, its axes and its unit."""
 
-    points: NDArray[np.float64]  # (N, 3), not finite where the file has it so
+    points: NDArray[np.float64]  # (N, 3), not finite where the file has it so, those that it marks among them
     colors: NDArray[np.float32] | None  # (N, 3), red, green, blue as the file has them; all parts of a file, or none
     work: int  # how much of the file's work this part was
     left_out: tuple[tuple[int, str], ...] = ()  # of the file, not among these: how many, and what they are
+    marked: tuple[tuple[NDArray[np.bool_], str], ...] = ()  # (N,), of these, not to be used by the file, and why
+
+    @property
+    def is_marked(self) -> NDArray[np.bool_]:
+        """(N,), which points are not to be used, as the file marks them."""
+        marks = [points for points, _ in self.marked]
+        return np.any(marks, axis=0) if marks else np.zeros(len(self.points), bool)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

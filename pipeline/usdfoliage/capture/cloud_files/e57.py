@@ -256,20 +256,20 @@ def _read_scan(path: Path, image: Any, scan: _Scan, has_colors: bool) -> Iterato
 def _as_part(scan: _Scan, arrays: dict[str, NDArray[Any]], has_colors: bool) -> CloudPart:
     count = len(arrays[scan.coordinates[0]])
     valid = np.ones(count, bool) if scan.state is None else arrays[scan.state] == 0
-    first, second, third = (arrays[name][valid] for name in scan.coordinates)
-    if scan.coordinates == _SPHERICAL:  # 8.4.4.2: range, azimuth from x towards y, elevation above the plane
-        flat = first * np.cos(third)
-        local = np.column_stack([flat * np.cos(second), flat * np.sin(second), first * np.sin(third)])
-    else:
-        local = np.column_stack([first, second, third])
+    first, second, third = (arrays[name] for name in scan.coordinates)
     with np.errstate(invalid="ignore", over="ignore"):  # who asked for the part looks for what is not finite
+        if scan.coordinates == _SPHERICAL:  # 8.4.4.2: range, azimuth from x towards y, elevation above the plane
+            flat = first * np.cos(third)
+            local = np.column_stack([flat * np.cos(second), flat * np.sin(second), first * np.sin(third)])
+        else:
+            local = np.column_stack([first, second, third])
         points = local @ scan.rotation.T + scan.translation_m
     colors = None
     if has_colors:
         colors = np.zeros((len(points), 3), np.float32)  # black: none
         if scan.has_colors:
             low, high = scan.color_limits.T
-            stored = np.column_stack([arrays[name][valid] for name in _COLORS])
+            stored = np.column_stack([arrays[name] for name in _COLORS])
             colors[:] = np.clip((stored - low) / (high - low), 0, 1) * 255
-    left_out = int(count - np.count_nonzero(valid))
-    return CloudPart(points, colors, count, ((left_out, "points that the file marks as invalid"),) if left_out else ())
+    marked = () if valid.all() else ((~valid, "points that the file marks as invalid"),)
+    return CloudPart(points, colors, count, marked=marked)

@@ -35,7 +35,7 @@ logging.getLogger("laspy").setLevel(logging.CRITICAL)  # it logs what it raises 
 
 
 def open_las_parts(path: Path, unit_is_given: bool = False) -> CloudParts:
-    """Open a LAS or LAZ file; points that it marks as withheld or as noise are left out.
+    """Open a LAS or LAZ file; points that it has as withheld or as noise are marked.
 
     Args:
         path: The file.
@@ -160,17 +160,8 @@ def _as_part(part: "laspy.ScaleAwarePointRecord", has_colors: bool) -> CloudPart
         colors = np.column_stack([np.asarray(line, np.float32) for line in (part.red, part.green, part.blue)])
     withheld = np.asarray(part.withheld).astype(bool)
     noise = np.isin(np.asarray(part.classification), _NOISE) & ~withheld
-    left_out: list[tuple[int, str]] = []
-    for marked, reason in (
-        (withheld, "points that the file marks as withheld"),
-        (noise, "points that the file marks as noise"),
-    ):
-        if marked.any():
-            left_out.append((int(np.count_nonzero(marked)), reason))
-    if left_out:
-        kept = ~(withheld | noise)
-        points, colors = points[kept], None if colors is None else colors[kept]
-    return CloudPart(points, colors, len(part), tuple(left_out))
+    marks = ((withheld, "points that the file marks as withheld"), (noise, "points that the file marks as noise"))
+    return CloudPart(points, colors, len(part), marked=tuple(each for each in marks if each[0].any()))
 
 
 def _read_unit(header: "laspy.LasHeader") -> LasUnit:

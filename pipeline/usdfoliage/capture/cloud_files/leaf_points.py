@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.capture.cloud_files.read import FilePoints
 from usdfoliage.files.atomic import whole_file
 
 _CHUNK = 1 << 18  # points that are packed at once
@@ -14,7 +15,7 @@ _COMMENT = "comment leaf: number of the leaf that a point is of, -1 for none"
 
 def write_leaf_points(
     path: Path,
-    parts: Callable[[], Iterator[NDArray[np.float64]]],
+    parts: Callable[[], Iterator[FilePoints]],
     leaf_of: Callable[[NDArray[np.float64]], NDArray[np.int32]],
     *,
     single: bool,
@@ -25,8 +26,9 @@ def write_leaf_points(
 
     Args:
         path: The file, replaced when it exists; other than whole it does not appear.
-        parts: Gives the points, (N, 3) at a time, the same each time it is called.
-        leaf_of: Gives the leaf (N,) of each of a part's points; called once a part, in order.
+        parts: Gives the points, some at a time, the same each time it is called.
+        leaf_of: Gives the leaf (K,) of each of a part's used points (K, 3); called once a part, in order. Points that
+            were not used are of no leaf.
         single: Whether coordinates are written as float32, else as double.
 
     Returns:
@@ -35,7 +37,7 @@ def write_leaf_points(
     Raises:
         WriteError: The file cannot be written; what was there is unchanged.
     """
-    total = sum(len(part) for part in parts())
+    total = sum(len(part.points) for part in parts())
     kind, word = ("<f4", "float") if single else ("<f8", "double")
     row = np.dtype([("x", kind), ("y", kind), ("z", kind), ("leaf", "<i4")])
     header = ["ply", "format binary_little_endian 1.0", _COMMENT, f"element vertex {total}"]
@@ -43,13 +45,15 @@ def write_leaf_points(
     header += ["property int leaf", "end_header"]
     with whole_file(path) as new, new.open("xb") as file:
         file.write(("\n".join(header) + "\n").encode("ascii"))
-        for points in parts():
-            leaf = leaf_of(points)
+        for points, used in parts():
+            leaf = np.full(len(points), -1, np.int32)
+            leaf[used] = leaf_of(points[used])
             for start in range(0, len(points), _CHUNK):
                 chunk = slice(start, start + _CHUNK)
                 packed = np.empty(len(points[chunk]), row)
                 for axis, name in enumerate("xyz"):
-                    packed[name] = points[chunk, axis]
+                    with np.errstate(over="ignore"):  # of a point that was not used, too far for a float
+                        packed[name] = points[chunk, axis]
                 packed["leaf"] = leaf[chunk]
                 file.write(packed.tobytes())
     return total

@@ -1,10 +1,12 @@
 """A point cloud that a studio hands over, in whatever file: in metres, near its own origin, and not too many points."""
 
 import logging
+import os
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +35,9 @@ CLOUD_SUFFIXES = (*_PLY, *_LAS, E57_SUFFIX, *_TEXT)
 _SURELY_CLOUDS = (*_PLY, *_LAS, E57_SUFFIX, ".xyz", ".pts")  # a capture's other text files are no clouds
 _PLY_STARTS, _LAS_START = (b"ply\n", b"ply\r"), b"LASF"
 _TOO_FAR = 1e11  # units: the Earth is smaller, in millimetres too
+_BLOCK_BYTES = 512  # of the number of blocks of a file, on every disk
+_MIN_SPARSE_BYTES = 16 << 20
+_MAX_PACKED = 50  # so many times as small a disk that packs files may store a cloud
 _THIN = 1e-5  # second spread over the first, of points on a line
 
 
@@ -153,18 +158,21 @@ def read_cloud_input(
     )
 
 
-def iterate_points(path: Path) -> Iterator[NDArray[np.float64]]:
-    """The points of a cloud's file, in its order, its axes and its unit.
+class FilePoints(NamedTuple):
+    """Some points of a file, in its order, its axes and its unit."""
 
-    They come in parts (N, 3), and are not finite where the file has it so.
+    points: NDArray[np.float64]  # (N, 3), all of them, not finite where the file has it so
+    used: NDArray[np.bool_]  # (N,), which read_cloud_input uses, duplicates among them
 
-    Points that a LAS file marks as withheld or noise are not among them.
+
+def iterate_points(path: Path) -> Iterator[FilePoints]:
+    """Every point of a cloud's file, those that are left out among them, in parts.
 
     Raises:
         CaptureError: The file cannot be read.
     """
     for part in _open_parts(path, unit_is_given=True).parts:
-        yield part.points
+        yield FilePoints(part.points, _are_near(part.points) & ~part.is_marked)
 
 
 def find_cloud(folder: Path) -> Path:
@@ -226,7 +234,8 @@ def check_cloud_file(path: Path) -> bytes:
     """The first bytes of a cloud's file.
 
     Raises:
-        CaptureError: It is not there, cannot be read, or is empty; or it is E57 and truncated, or pye57 is missing.
+        CaptureError: It is not there, cannot be read, or is empty, or nearly all of it is holes, as of a copy that has
+            just begun; or it is E57 and truncated, or pye57 is missing.
     """
     known = ", ".join(CLOUD_SUFFIXES)
     if not path.exists():
@@ -236,10 +245,16 @@ def check_cloud_file(path: Path) -> bytes:
     try:
         with open_regular(path) as file:
             start = file.read(len(E57_START))
+            status = os.fstat(file.fileno())
     except OSError as error:
         raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
     if not start:
         raise CaptureError(f"{path} is empty (0 bytes)", "copy it again")
+    stored = status.st_blocks * _BLOCK_BYTES  # 0 where the file system does not know
+    if status.st_size > _MIN_SPARSE_BYTES and 0 < stored < status.st_size / _MAX_PACKED:
+        raise CaptureError(
+            f"of the {status.st_size:,} bytes of {path} the disk has {stored:,}, the others are holes", "copy it again"
+        )
     if start == E57_START or path.suffix.lower() == E57_SUFFIX:
         check_e57_file(path)
     return start
@@ -271,8 +286,12 @@ def _read_points(
         points, colors = part.points, part.colors
         total += len(points) + sum(count for count, _ in part.left_out)
         left_out.update({what: count for count, what in part.left_out})
+        left_out.update({what: int(np.count_nonzero(marks)) for marks, what in part.marked})
+        if part.marked:
+            kept = ~part.is_marked
+            points, colors = points[kept], None if colors is None else colors[kept]
         finite = np.asarray(np.isfinite(points).all(axis=1))
-        near = np.asarray((np.abs(points) <= _TOO_FAR).all(axis=1))  # which no NaN is
+        near = _are_near(points)
         if not near.all():
             left_out["points that are not finite"] += int(np.count_nonzero(~finite))
             left_out[f"points more than {_TOO_FAR:g} from the origin"] += int(np.count_nonzero(finite & ~near))
@@ -286,6 +305,11 @@ def _read_points(
         if progress is not None:
             progress(min(done, parts.work), parts.work)
     return thinner.finish(), total, highest, +left_out
+
+
+def _are_near(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,), which points are finite and where a plant can be."""
+    return np.asarray((np.abs(points) <= _TOO_FAR).all(axis=1))  # which no NaN is
 
 
 def _check_points(path: Path, points: NDArray[np.float64], total: int, left_out: Counter[str]) -> None:

@@ -18,6 +18,7 @@ from usdfoliage.capture.cloud_files.ply import fits_single
 from usdfoliage.capture.cloud_files.read import (
     CloudInput,
     CloudInputSettings,
+    FilePoints,
     find_cloud,
     is_cloud_input,
     iterate_points,
@@ -204,44 +205,37 @@ def describe_cloud_settings(request: LeavesRequest) -> dict[str, str]:
 def write_points(path: Path, made: FoundCloudLeaves, threads: int = 0) -> int:
     """Write the points of the cloud's file, in its order and coordinates, with the leaf of each; returns how many.
 
-    Points that were not used, as they are not finite, are of no leaf; those that were thinned are of the leaf of the
-    nearest point that was kept.
+    Points that were not used, as they are not finite or the file marks them, are of no leaf; those that were thinned
+    are of the leaf of the nearest point that was kept.
 
     Raises:
         WriteError: The file cannot be written.
     """
     source, leaf = made.source, made.found.leaf
 
-    def parts() -> Iterator[NDArray[np.float64]]:
+    def parts() -> Iterator[FilePoints]:
         return iterate_points(source.path)
 
-    finite = sum(int(np.isfinite(part).all(axis=1).sum()) for part in parts())
-    if finite == len(leaf):
+    used = sum(int(np.count_nonzero(part.used)) for part in parts())
+    if used == len(leaf):
         place = 0
 
         def leaf_of(points: NDArray[np.float64]) -> NDArray[np.int32]:
             nonlocal place
-            used = np.isfinite(points).all(axis=1)
-            count = int(used.sum())
-            labels = np.full(len(points), -1, np.int32)
-            labels[used] = leaf[place : place + count]
-            place += count
-            return labels
+            place += len(points)
+            return leaf[place - len(points) : place]
     else:
         tree = cKDTree(source.points_m)
         thinned_m = (
             np.inf
-            if finite > 2 * len(leaf) or any(r.code == "cloud-file-thinned" for r in source.remarks)
+            if used > 2 * len(leaf) or any(r.code == "cloud-file-thinned" for r in source.remarks)
             else (_SAME_PLACE * float(np.ptp(source.points_m, axis=0).max()))
         )
 
         def leaf_of(points: NDArray[np.float64]) -> NDArray[np.int32]:
-            used = np.isfinite(points).all(axis=1)
-            own_m = points[used] * source.metres_per_unit - source.origin_m
+            own_m = points * source.metres_per_unit - source.origin_m
             away_m, nearest = tree.query(own_m, distance_upper_bound=thinned_m, workers=threads or -1)
-            labels = np.full(len(points), -1, np.int32)
-            labels[used] = np.where(np.isfinite(away_m), np.append(leaf, -1)[nearest], -1)
-            return labels
+            return np.where(np.isfinite(away_m), np.append(leaf, np.int32(-1))[nearest], -1).astype(np.int32)
 
     coordinates = (source.points_m + source.origin_m) / source.metres_per_unit
     return write_leaf_points(path, parts, leaf_of, single=fits_single(coordinates))
