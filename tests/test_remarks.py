@@ -59,6 +59,11 @@ def test_an_unknown_code_is_refused() -> None:
         remark("no-such-code", "text")
 
 
+@pytest.mark.parametrize("code", ["plant-at-border", "mask-ignored", "up-uncertain", "leaves-guessed"])
+def test_what_puts_the_result_in_question_is_a_warning(code: str) -> None:
+    assert remark(code, "text").severity == "warning"
+
+
 def test_a_code_is_listed_in_one_section() -> None:
     assert sum(len(section.kinds) for section in SECTIONS) == len(REMARK_KINDS)
     assert {kind.severity for kind in REMARK_KINDS.values()} <= set(SEVERITIES)

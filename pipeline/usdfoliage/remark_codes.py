@@ -139,7 +139,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 action="Nothing, or give the missing masks.",
             ),
             "mask-ignored": RemarkKind(
-                severity="info",
+                severity="warning",
                 meaning="The mask cannot be read, has another size than its photograph, or is empty or full.",
                 action="Write it again, white on the plant, on the photograph's pixels.",
             ),
@@ -180,7 +180,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 action="Photograph the whole crown.",
             ),
             "plant-at-border": RemarkKind(
-                severity="info",
+                severity="warning",
                 meaning="The plant is cut by the border of most photographs. What lies beyond it is missing.",
                 action="Nothing for a part of a plant, a hedge or a lawn. Otherwise step back.",
             ),
@@ -286,8 +286,8 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 action="Nothing, if the asset has its size. Otherwise state `metres_per_unit`.",
             ),
             "up-uncertain": RemarkKind(
-                severity="info",
-                meaning="The evidence for the up direction is weak.",
+                severity="warning",
+                meaning="The evidence for the up direction is weak: it may be wrong by more than 5°.",
                 action="Choose another method, or give the direction.",
             ),
             "up-methods-disagree": RemarkKind(
@@ -796,12 +796,20 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 action="Nothing. Maps of a scanner, if you have them, give more leaves.",
             ),
             "leaves-guessed": RemarkKind(
-                severity="info",
+                severity="warning",
                 meaning=(
                     "Fewer than half of the leaves are right, by the sum of their confidences. They are lobed or "
                     "grass, or depth does not show them."
                 ),
                 action="See [Single leaves](#single-leaves).",
+            ),
+            "leaves-not-green-left-out": RemarkKind(
+                severity="info",
+                meaning=(
+                    "Leaves that are not green are few among green ones. They are taken for pieces of soil and dead "
+                    "leaves, and left out. The remark has their number."
+                ),
+                action="Set `leaves.max_not_green = 0` if the plant has such leaves, as red young ones.",
             ),
             "leaves-small": RemarkKind(
                 severity="info",

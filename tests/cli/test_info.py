@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -14,6 +15,7 @@ from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.geometry.color import encode_srgb
 
 from tests.support.crown_shapes import disc_mask, foliage
+from tests.support.leaves.assets import random_leaves, write_spray
 from tests.support.leaves.commands import printed, refused, run
 
 
@@ -60,6 +62,17 @@ def test_the_numbers_are_those_of_the_leaves(spray, capsys):
     low, high = np.array(facts["extent"])
     assert (low < leaves.base_m.min(axis=0)).all()
     assert (high > leaves.base_m.max(axis=0)).all()
+
+
+def test_leaves_are_counted_by_their_origin(spray, tmp_path, capsys):
+    assert describe(capsys, spray)["leaves"]["origins"] == {}
+    assert not any(line.startswith("by origin") for line in printed(capsys, "info", spray))
+    origin = np.array([0, 0, 0, 1, 2, 2, 2, 2], np.int32)
+    write_spray(tmp_path / "spray", replace(random_leaves(8), origin=origin), representations=("bezier",))
+    facts = describe(capsys, tmp_path / "spray")
+    assert facts["leaves"]["origins"] == {"found": 3, "completed": 1, "filled_in": 4, "of_species": 0}
+    (line,) = (line for line in printed(capsys, "info", tmp_path / "spray") if line.startswith("by origin"))
+    assert line.split(None, 2)[2] == "3 found, 1 completed, 4 filled in"
 
 
 def test_the_area_is_that_of_the_surface(spray, capsys):

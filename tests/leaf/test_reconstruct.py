@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from usdfoliage.leaf import reconstruct
 from usdfoliage.leaf.photographs.average_texture import AverageTextureSettings
+from usdfoliage.leaf.photographs.colors import LeafColors
 from usdfoliage.leaf.reconstruct import (
     STEPS,
     ReconstructionSettings,
@@ -224,7 +225,30 @@ def test_no_views_are_a_wrong_argument():
 def test_a_few_brown_pieces_among_green_leaves_are_no_leaves_but_a_plant_may_have_red_ones():
     green, brown = (0.1, 0.3, 0.05), (0.2, 0.12, 0.06)
     few = np.array([green] * 19 + [brown])
-    assert reconstruct.find_green_leaves(few).tolist() == [True] * 19 + [False]
-    assert reconstruct.find_green_leaves(np.array([green] * 8 + [brown] * 2)).all()
-    assert reconstruct.find_green_leaves(np.array([brown] * 5)).all()
-    assert reconstruct.find_green_leaves(np.zeros((0, 3))).shape == (0,)
+    assert reconstruct.find_green_leaves(few, 0.1).tolist() == [True] * 19 + [False]
+    assert reconstruct.find_green_leaves(few, 0).all()
+    assert reconstruct.find_green_leaves(np.array([green] * 8 + [brown] * 2), 0.1).all()
+    assert reconstruct.find_green_leaves(np.array([brown] * 5), 0.1).all()
+    assert reconstruct.find_green_leaves(np.zeros((0, 3)), 0.1).shape == (0,)
+
+
+@pytest.mark.parametrize(("max_not_green", "left_out"), [(0.1, 1), (0.0, 0)])
+def test_leaves_that_are_not_green_are_left_out_with_a_remark_and_can_be_kept(
+    bed, segment, monkeypatch, max_not_green, left_out
+):
+    def redden(leaves, *given):
+        color = np.tile((0.1, 0.3, 0.05), (len(leaves), 1))
+        color[0] = (0.3, 0.1, 0.1)
+        return LeafColors(color=color, seen=np.ones(len(leaves), bool), gain=np.ones(len(bed.views)))
+
+    segment()
+    monkeypatch.setattr(reconstruct, "sample_leaf_colors", redden)
+    found = reconstruct_leaves(bed.views, replace(FAST, max_not_green=max_not_green))
+    fitted = len(found.leaves) + left_out
+    assert fitted >= 10
+    assert found.steps[-1].dropped.get("of another colour than all others", 0) == left_out
+    remarks = [each for each in found.remarks if each.code == "leaves-not-green-left-out"]
+    assert [each.text for each in remarks] == [
+        f"1 of {fitted} leaves are left out: they are not green, and all others are"
+    ][:left_out]
+    assert [each.severity for each in remarks] == ["info"] * left_out

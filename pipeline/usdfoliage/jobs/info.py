@@ -30,7 +30,7 @@ from usdfoliage.asset.parts.leaves import ReadLeaves, read_leaves
 from usdfoliage.files.printable import printable
 from usdfoliage.jobs.branches.measures import BranchInfo, branch_rows, measure_branches
 from usdfoliage.jobs.edits.edit import Value, changed_edits, show_value
-from usdfoliage.leaf.model import PARAMETERS, Leaves
+from usdfoliage.leaf.model import PARAMETERS, Leaves, count_origins, describe_origins
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits, apply_edits
 from usdfoliage.leaf.shape.measures import leaf_area
 
@@ -70,6 +70,7 @@ class LeafInfo:
     residual_m: Spread | None
     views: int  # photographs in which some leaf was seen
     per_leaf: tuple[str, ...]  # what is known of each leaf besides its parameters
+    origins: Mapping[str, int]  # leaves of each origin, as leaf.model.count_origins; empty where that is unknown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,6 +202,7 @@ def measure_leaves(leaves: Leaves, edits: LeafEdits = NEUTRAL, jitter_map: Path 
         residual_m=_spread(leaves.residual_m),
         views=len(np.unique(seen)),
         per_leaf=tuple(name.removesuffix("_m") for name in known),
+        origins=count_origins(leaves),
     )
 
 
@@ -253,6 +255,8 @@ def format_info(info: AssetInfo) -> str:
 
 def _leaf_rows(leaves: LeafInfo) -> list[tuple[str, str]]:
     rows = [("leaves", f"{leaves.count:,}")]
+    if by_origin := describe_origins(leaves.origins):
+        rows.append(("by origin", by_origin))
     if leaves.length_m is not None:
         rows.append(("length", f"{_spread_text(leaves.length_m)} m"))
         rows.append(("area", f"{leaves.area_m2:.4g} m²"))

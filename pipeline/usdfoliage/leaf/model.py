@@ -1,5 +1,6 @@
 """Leaves: what all the rest of the system knows of them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -116,6 +117,18 @@ def mean_leaf(parameters: NDArray[np.floating], weights: NDArray[np.floating] | 
     if not total > 0:
         raise ValueError(f"the weights must sum to more than 0, not {total}")
     return np.asarray(np.average(np.asarray(parameters, np.float64), axis=0, weights=weights))
+
+
+def count_origins(leaves: Leaves) -> dict[str, int]:
+    """How many leaves are of each LeafOrigin, by its name in lower case; empty where origins are unknown."""
+    if leaves.origin is None:
+        return {}
+    return {origin.name.lower(): int(np.count_nonzero(leaves.origin == origin)) for origin in LeafOrigin}
+
+
+def describe_origins(counts: Mapping[str, int]) -> str:
+    """The counts of count_origins as text, such as "93 found, 12 completed"; empty where there are none."""
+    return ", ".join(f"{count:,} {name.replace('_', ' ')}" for name, count in counts.items() if count)
 
 
 def unit_quaternions(turns: NDArray[np.floating]) -> NDArray[np.floating]:

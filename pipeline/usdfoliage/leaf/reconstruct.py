@@ -25,7 +25,7 @@ from usdfoliage.leaf.segmentation.model import Segmentation, Step, find_nothing,
 from usdfoliage.leaf.segmentation.paper.segment import PaperSegmentationSettings, segment_paper
 from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.progress import StepProgress, follow_step
-from usdfoliage.remarks import Remark, remark
+from usdfoliage.remarks import Remark, Setting, remark
 
 METHODS = ("dense", "paper")
 STEPS = ("segmentation", "fit", "direction", "colours", "texture")
@@ -37,7 +37,6 @@ ROUND = 0.75  # width by length from which the longest extent of a leaf is no su
 # Depth of photographs is coarse where leaves end: the medians of leaves of one lobe are then 0.55 to 0.75.
 LOBED = (0.3, 0.5)
 EXPOSED = 1.6  # times as bright a photograph is as another one, from which depth is lost
-FEW_OTHERS = 0.1  # share of leaves that are not green, up to which they are none where all others are green
 SINGLE_LOBED = (0.1, 1.4)  # width by length of leaves that one axis and one silhouette describe
 
 
@@ -49,6 +48,9 @@ class ReconstructionSettings:
     method: Literal["dense", "paper"] = "dense"
     # The asset has the fitted leaves of at least this confidence. Range: 0 to 1.
     min_confidence: float = 0.0
+    # The method dense leaves out leaves that are not green where at most this share of the leaves is not, as pieces of
+    # soil and dead leaves; where more are not green, the plant has such leaves. 0 keeps all. Range: 0 to 1.
+    max_not_green: float = 0.1
     threads: int = 0  # At most this many threads work; 0 is one per core. The result is the same. Range: 0 or more.
     dense: DenseSegmentationSettings = field(default_factory=DenseSegmentationSettings)
     dense_fit: SurfaceFitSettings = field(default_factory=SurfaceFitSettings)
@@ -61,8 +63,9 @@ class ReconstructionSettings:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise ValueError(f"method must be one of {', '.join(METHODS)}, not {self.method}")
-        if not 0 <= self.min_confidence <= 1:
-            raise ValueError(f"min_confidence must be from 0 to 1, not {self.min_confidence}")
+        for name in ("min_confidence", "max_not_green"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ValueError(f"{name} must be from 0 to 1, not {getattr(self, name)}")
         if self.threads < 0:
             raise ValueError(f"threads must be 0, for all cores, or more, not {self.threads}")
 
@@ -141,10 +144,12 @@ def reconstruct_leaves(
     with step("colours"):
         colors = sample_leaf_colors(leaves, views, settings.colors)
         leaves = replace(leaves, color=colors.color)
+    not_green = 0
     if settings.method == "dense" and leaves.color is not None:
-        green = find_green_leaves(leaves.color)
-        if not green.all():
-            dropped = {**dropped, "of another colour than all others": int(np.count_nonzero(~green))}
+        green = find_green_leaves(leaves.color, settings.max_not_green)
+        not_green = int(np.count_nonzero(~green))
+        if not_green:
+            dropped = {**dropped, "of another colour than all others": not_green}
             leaves, kept = leaves.take(green), kept[green]
     with step("texture"):
         texture = (
@@ -163,19 +168,20 @@ def reconstruct_leaves(
             segmentation,
             outlined=None if fitted.outlined is None else fitted.outlined[kept],
             gain=colors.gain,
+            not_green=not_green,
         ),
         seconds=seconds,
     )
 
 
-def find_green_leaves(color: NDArray[np.float64]) -> NDArray[np.bool_]:
+def find_green_leaves(color: NDArray[np.float64], max_not_green: float) -> NDArray[np.bool_]:
     """(N,) leaves to be kept by their colours (N, 3), linear: all but a few that are not green among green ones.
 
-    Bits of soil and dead leaves on it are as wide and as flat as leaves are. Where more than a tenth is not green, the
-    plant has such leaves.
+    Bits of soil and dead leaves on it are as wide and as flat as leaves are. Where more than the share max_not_green is
+    not green, the plant has such leaves.
     """
     green = 2 * color[:, 1] > color[:, 0] + color[:, 2]
-    return green if np.count_nonzero(~green) <= FEW_OTHERS * len(green) else np.ones(len(green), bool)
+    return green if np.count_nonzero(~green) <= max_not_green * len(green) else np.ones(len(green), bool)
 
 
 def rate_forms(
@@ -268,12 +274,14 @@ def describe_leaves(
     *,
     outlined: NDArray[np.float64] | None = None,
     gain: NDArray[np.float64] | None = None,
+    not_green: int = 0,
 ) -> list[Remark]:
     """What whoever uses the leaves should know.
 
     Args:
         outlined: (N,), the share of each leaf's edge that lies on its silhouette, if that was measured.
         gain: (V,), by which each view is brighter than the median one, if that was measured.
+        not_green: How many leaves are left out as they are not green.
     """
     remarks = []
     if gain is not None and gain.max() > EXPOSED * gain.min():
@@ -304,6 +312,10 @@ def describe_leaves(
     low = describe_low_confidence(leaves)
     if low:
         remarks.append(remark("leaves-guessed", low))
+    if not_green:
+        text = f"{not_green} of {len(leaves) + not_green} leaves are left out: they are not green, and all others are"
+        every = Setting(name="leaves.max_not_green", value="0")
+        remarks.append(remark("leaves-not-green-left-out", text, remedy=("if they are leaves, keep them by ", every)))
     long_px = median_length_px(leaves, views)
     if long_px is not None and long_px < SMALL_PX:
         text = (

@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from usdfoliage.capture.folder.photo_set import PhotoFile
 from usdfoliage.capture.lens import Lens
+from usdfoliage.capture.poses import world_frame
 from usdfoliage.capture.poses.result import Registered, RegisteredPhoto
+from usdfoliage.capture.poses.up_direction import UpDirection
 from usdfoliage.capture.poses.world_frame import (
     KnownDistance,
     ScaleBar,
@@ -192,6 +194,15 @@ def test_positions_as_far_off_as_the_plant_is_wide_are_not_used():
     frame = level_and_scale(found, files)
     assert frame.scale_from == "nothing"
     assert "positions-contradict-pictures" in [each.code for each in frame.remarks]
+
+
+@pytest.mark.parametrize(("error_deg", "severities"), [(4.9, []), (5.1, ["warning"])])
+def test_an_up_that_may_be_wrong_by_more_than_five_degrees_is_a_warning(error_deg, severities, monkeypatch):
+    up = UpDirection("level", np.array([0.0, 1.0, 0.0]), math.radians(error_deg))
+    monkeypatch.setattr(world_frame, "find_ups", lambda *given: [up])
+    found = jumble(scene())
+    remarks = level_and_scale(found, files_of(found)).remarks
+    assert [each.severity for each in remarks if each.code == "up-uncertain"] == severities
 
 
 def test_without_any_scale_the_viewing_distance_is_a_metre_with_a_remark():

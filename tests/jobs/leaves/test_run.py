@@ -33,6 +33,7 @@ from usdfoliage.jobs.preview.recorder import find_interpreter
 from usdfoliage.jobs.report.pictures import leaf_palette, pick_pixels, shrink_camera, shrink_to, shrink_view
 from usdfoliage.jobs.report.table import choose_evenly
 from usdfoliage.jobs.work.settings_file import set_everywhere
+from usdfoliage.leaf.model import LeafOrigin
 from usdfoliage.leaf.photographs.average_texture import AverageTexture
 from usdfoliage.leaf.points import LeafPoints, no_points
 from usdfoliage.leaf.shape.bounds import leaf_bounds_m
@@ -334,6 +335,9 @@ def test_figures_of_leaves():
     for histogram in leaf_histograms(leaves):
         assert sum(histogram.heights) == 50
     assert measure_rows(random_leaves(0)) == leaf_histograms(random_leaves(0)) == []
+    counted = replace(leaves, origin=np.repeat([LeafOrigin.FOUND, LeafOrigin.COMPLETED], [38, 12]).astype(np.int32))
+    row = measure_rows(counted)[-1]
+    assert (row.name, row.value) == ("leaves by origin", "38 found, 12 completed")
 
 
 def test_the_mean_leaf_is_drawn_inside_its_box():

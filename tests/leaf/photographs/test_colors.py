@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from usdfoliage.leaf.photographs import colors
 from usdfoliage.leaf.photographs.colors import PhotoColorSettings, sample_leaf_colors, weighted_median
 from usdfoliage.leaf.shape.variation import default_leaf
 
@@ -109,6 +110,21 @@ def test_a_weight_of_two_counts_as_two(values, twice):
 
     expected = np.sort(np.concatenate([values, values[[twice]]]), axis=0)[3]
     assert weighted_median(values, weights).tolist() == expected.tolist()
+
+
+@pytest.mark.parametrize("block", [1, 100, 300])
+@pytest.mark.parametrize("depth", [True, False])
+def test_blocks_do_not_change_the_result(monkeypatch, block, depth):
+    more = place_leaves(default_leaf(), [*BASE, (9.0, 0.0, 0.0)], length_m=0.15)
+    views = take_photographs(more, depth=depth)
+    for view in views:
+        view.depth_m[::7, ::5] = 0
+    whole = sample_leaf_colors(more, views)
+    monkeypatch.setattr(colors, "BLOCK", block)
+    in_blocks = sample_leaf_colors(more, views)
+
+    for name in ("color", "seen", "gain"):
+        np.testing.assert_array_equal(getattr(in_blocks, name), getattr(whole, name))
 
 
 def test_wrong_settings_are_refused():

@@ -12,7 +12,7 @@ from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.table import Histogram, ReportPhotograph, ReportPicture, Row
 from usdfoliage.jobs.report.timings import write_step_times
 from usdfoliage.jobs.withheld.measure import MeasuredAsset
-from usdfoliage.leaf.model import Leaves, mean_leaf
+from usdfoliage.leaf.model import Leaves, count_origins, describe_origins, mean_leaf
 from usdfoliage.leaf.segmentation.model import Step
 from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
@@ -131,7 +131,13 @@ def measure_rows(leaves: Leaves) -> list[Row]:
         rows.append(
             Row(name="confidence", value=_spread(leaves.confidence, ""), remark="the probability that a leaf is right")
         )
-    return rows
+    return [*rows, *origin_rows(count_origins(leaves))]
+
+
+def origin_rows(counts: Mapping[str, int]) -> list[Row]:
+    """How many leaves were found, completed and so on, by count_origins; none where that is unknown."""
+    text = describe_origins(counts)
+    return [Row(name="leaves by origin", value=text)] if text else []
 
 
 def certainty_rows(certainty: NDArray[np.floating]) -> list[Row]:

@@ -1,7 +1,8 @@
 """What the stage that writes a plant's asset knows of it, in a file beside the asset in its result."""
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from usdfoliage.asset.packages.asset_shape import AssetShape
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.json import read_json
+from usdfoliage.jobs.leaves.page import origin_rows
 from usdfoliage.jobs.report.table import Row
 
 ASSET_FACTS = "asset_facts.json"
@@ -22,6 +24,7 @@ class AssetFacts:
     foliage: str  # the kind of the leaves, as foliage.kind of the settings
     branches: int
     shape: AssetShape
+    origins: Mapping[str, int] = field(default_factory=dict)  # leaves of each origin, as leaf.model.count_origins
 
     @property
     def height_m(self) -> float | None:
@@ -39,6 +42,7 @@ class AssetFacts:
         """The rows of the report on how many leaves and branches there are."""
         return [
             Row(name="leaves", value=f"{self.leaves:,}", remark=self.foliage),
+            *origin_rows(self.origins),
             Row(name="branches", value=f"{self.branches:,}"),
         ]
 
@@ -49,6 +53,7 @@ def write_asset_facts(folder: Path, facts: AssetFacts) -> None:
     values = {
         "leaves": facts.leaves,
         "foliage": facts.foliage,
+        "origins": dict(facts.origins),
         "branches": facts.branches,
         "extent_m": None if shape.extent_m is None else shape.extent_m.tolist(),
         "asset_from_capture": shape.asset_from_capture.tolist(),
@@ -74,6 +79,7 @@ def read_asset_facts(folder: Path) -> AssetFacts:
             foliage=str(values["foliage"]),
             branches=int(values["branches"]),
             shape=shape,
+            origins={str(name): int(count) for name, count in values["origins"].items()},
         )
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise CaptureError(f"{folder / ASSET_FACTS} cannot be read ({error})", "run the same command again") from error

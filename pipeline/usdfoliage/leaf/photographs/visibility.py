@@ -95,6 +95,7 @@ def find_sights(
     spread: float,
     settings: VisibilitySettings = VisibilitySettings(),
     drawn: DrawnLeaves | None = None,
+    holes: NDArray[np.bool_] | None = None,
 ) -> Sights:
     """Find which places of leaves a photograph shows.
 
@@ -104,6 +105,8 @@ def find_sights(
         spread: As estimate_spread gives it.
         drawn: All leaves of the scene as this camera sees them, those asked for or more; drawn here where depth is
             missing and it is not given.
+        holes: As find_open gives it for all leaves of the scene; found here for those asked for where it is needed and
+            not given.
     """
     project = _project(leaves, view, uv)
     steepness = np.sqrt(1 / np.maximum(np.abs(project.facing), STEEPEST) ** 2 - 1)
@@ -124,7 +127,7 @@ def find_sights(
 
     blank = project.inside & ~known
     if blank.any():
-        blank &= ~_find_open(leaves, view)[project.rows, project.columns]
+        blank &= ~(find_open(leaves, view) if holes is None else holes)[project.rows, project.columns]
     if blank.any():
         nearest = draw_leaf_ids(leaves, view.camera, settings.draw) if drawn is None else drawn
         front_m = nearest.depth_m[project.rows, project.columns]
@@ -151,7 +154,7 @@ def find_open_holes(depth_m: NDArray[np.float32], width_px: float) -> NDArray[np
     return np.asarray(opened.repeat(step, axis=0).repeat(step, axis=1)[: depth_m.shape[0], : depth_m.shape[1]])
 
 
-def _find_open(leaves: Leaves, view: View) -> NDArray[np.bool_]:
+def find_open(leaves: Leaves, view: View) -> NDArray[np.bool_]:
     """(H, W), holes too wide to be filled by guessing; none where all depth is missing or the mask shows the plant."""
     if not view.has_depth:
         return np.zeros(view.depth_m.shape, bool)

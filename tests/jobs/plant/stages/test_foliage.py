@@ -14,7 +14,7 @@ from usdfoliage.jobs.plant.stages import found_leaves
 from usdfoliage.jobs.plant.stages.foliage import choose_foliage, leaf_cover
 from usdfoliage.jobs.plant.stages.models import CapturedLeaves
 from usdfoliage.jobs.plant.stages.parts import known_species
-from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.model import LeafOrigin, Leaves, count_origins
 from usdfoliage.leaf.shape.edits import NEUTRAL
 from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
@@ -115,6 +115,17 @@ def test_else_the_cloud_or_the_twigs_carry_them(count: int, confidence: float, a
     assert chosen.kind == kind
     assert chosen.leaves is not None
     assert chosen.remarks
+
+
+@pytest.mark.parametrize("origin", [LeafOrigin.FOUND, LeafOrigin.COMPLETED, None])
+def test_leaves_that_were_found_count_as_such_beside_those_that_were_filled_in(origin: LeafOrigin | None) -> None:
+    leaves = replace(sure_leaves(40, 0.9), origin=None if origin is None else np.full(40, origin, np.int32))
+    chosen = choose_foliage(captured(leaves), traced(points_on(leaves) + 10), BuildSettings(), FRAME)
+    assert chosen.kind == "filled"
+    assert chosen.leaves is not None
+    counts = count_origins(chosen.leaves.leaves)
+    assert counts["completed" if origin == LeafOrigin.COMPLETED else "found"] == 40
+    assert counts["filled_in"] == len(chosen.leaves.leaves) - 40 > 0
 
 
 def test_few_leaves_that_cover_the_plant_or_hang_on_stems_of_photographs_are_kept() -> None:

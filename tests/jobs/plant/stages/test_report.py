@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from usdfoliage.asset.packages.asset_shape import AssetShape
 from usdfoliage.capture.folder.read import Capture
-from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
+from usdfoliage.jobs.plant.asset_facts import AssetFacts, read_asset_facts, write_asset_facts
 from usdfoliage.jobs.plant.pages.pictures import DrawnComparisons
 from usdfoliage.jobs.plant.pages.report import Comparison
 from usdfoliage.jobs.plant.settings import BuildSettings
@@ -32,7 +32,11 @@ def test_the_plant_is_compared_by_the_masks_that_it_is_made_by(
         (results[stage] / "drawn_masks.txt").write_text("so they are")
     shape = AssetShape(extent_m=None, asset_from_capture=np.eye(4), variants={}, selections={})
     results["asset"].mkdir()
-    write_asset_facts(results["asset"], AssetFacts(leaves=1, foliage="captured", branches=0, shape=shape))
+    origins = {"found": 1, "completed": 0, "filled_in": 2, "of_species": 0}
+    facts = AssetFacts(leaves=3, foliage="filled", branches=0, shape=shape, origins=origins)
+    write_asset_facts(results["asset"], facts)
+    rows = [(row.name, row.value) for row in read_asset_facts(results["asset"]).count_rows()]
+    assert rows == [("leaves", "3"), ("leaves by origin", "1 found, 2 filled in"), ("branches", "0")]
     seen: list[Capture] = []
 
     def draw(asset: Path, shape: AssetShape, capture: Capture, folder: Path, *rest: Any) -> DrawnComparisons:

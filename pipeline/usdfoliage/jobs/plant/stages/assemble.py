@@ -34,7 +34,7 @@ from usdfoliage.jobs.plant.summary import StageSummary, read_summary, write_summ
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, CROWN, LEAVES
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.settings_file import list_settings
-from usdfoliage.leaf.model import Leaves
+from usdfoliage.leaf.model import Leaves, count_origins
 from usdfoliage.leaf.reconstruct import describe_low_confidence
 from usdfoliage.remarks import Remark, Remedy, remark
 
@@ -100,8 +100,9 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         )
         remarks.append(remark("plant-reaches-little", text))
     guessed = describe_guessed_leaves(chosen)
-    if guessed:
-        small = [each.text for each in read_summary(call.result_of(LEAVES)).remarks if each.code == "leaves-small"]
+    of_leaves = read_summary(call.result_of(LEAVES)).remarks if guessed else ()
+    if guessed and not any(each.code == "leaves-guessed" and each.text == guessed for each in of_leaves):
+        small = [each.text for each in of_leaves if each.code == "leaves-small"]
         remarks.append(remark("plant-leaves-guessed", "; ".join([guessed, *small])))
     undrawn: list[Remark] = []
     written: list[AssetShape] = []
@@ -141,6 +142,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         foliage=chosen.kind,
         branches=0 if traced is None else len(traced.skeleton),
         shape=written[0],
+        origins={} if chosen.leaves is None else count_origins(chosen.leaves.leaves),
     )
     write_asset_facts(call.out, facts)
     rows = [

@@ -158,6 +158,8 @@ def _fill(
         color=None if sure.color is None else vary_colors(sure.color[drawn], len(drawn), rng, DRAWN_SPREAD),
         origin=np.full(len(drawn), LeafOrigin.FILLED_IN, np.int32),
     )
+    if placed.origin is None:  # as of the method paper; joined, leaves of no known origin would count as filled in
+        placed = replace(placed, origin=np.full(len(placed), LeafOrigin.FOUND, np.int32))
     leaves = join_leaves([placed, others])
     text = f"{len(others):,} leaves were put beside {len(placed):,} that were found"
     chosen = _representations(settings, len(leaves))
@@ -167,8 +169,7 @@ def _fill(
         edits=captured.fitted.edits,
         appearance=captured.fitted.appearance,
     )
-    rows = (Row(name="found", value=f"{len(placed):,}"), Row(name="filled in", value=f"{len(others):,}"))
-    return ChosenFoliage(leaves=foliage, kind="filled", remarks=(*remarks, remark("leaves-filled-in", text)), rows=rows)
+    return ChosenFoliage(leaves=foliage, kind="filled", remarks=(*remarks, remark("leaves-filled-in", text)), rows=())
 
 
 def _narrow(parameters: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:
