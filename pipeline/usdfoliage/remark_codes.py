@@ -235,6 +235,14 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 ),
                 action="Take photographs between them and the others. A few that are lost do no harm.",
             ),
+            "pairs-contradict": RemarkKind(
+                severity="info",
+                meaning=(
+                    "Pairs of photographs contradict the others, as equal walls or tiles make them. Cameras were found "
+                    "without these pairs."
+                ),
+                action="See that the cameras in the report stand where you stood.",
+            ),
             "matches-fit-no-motion": RemarkKind(
                 severity="info",
                 meaning="Wind moved the plant between photographs, or its texture repeats.",

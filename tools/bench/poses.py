@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from usdfoliage.capture.colmap.model import find_camera_model, read_camera_model
 from usdfoliage.capture.folder.photo_set import read_photo_set
 from usdfoliage.capture.folder.settings import read_capture_settings
-from usdfoliage.capture.poses.register import PoseEstimationSettings, register_photos
+from usdfoliage.capture.poses.register import register_photos
 from usdfoliage.capture.poses.result import Registered
+from usdfoliage.capture.poses.settings import PoseEstimationSettings
 from usdfoliage.capture.poses.world_frame import level_and_scale, move_registered
 from usdfoliage.errors import FoliageError
 from usdfoliage.remarks import as_plan_setting

@@ -16,8 +16,9 @@ from usdfoliage.capture.lens import Lens
 from usdfoliage.capture.poses.child_process import MODULE, run_items
 from usdfoliage.capture.poses.diagnosis import check_cameras
 from usdfoliage.capture.poses.pairs import match_descriptors, neighbors_in_order, retrieve_pairs
-from usdfoliage.capture.poses.register import PoseEstimationSettings, register_photos
+from usdfoliage.capture.poses.register import register_photos
 from usdfoliage.capture.poses.result import Registered, project_with
+from usdfoliage.capture.poses.settings import PoseEstimationSettings
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.npz import write_arrays
 from usdfoliage.remarks import warnings_of

@@ -3,7 +3,7 @@
 import sys
 
 import pytest
-from usdfoliage.capture.poses.register import CODE_OF_POSES
+from usdfoliage.capture.poses.settings import CODE_OF_POSES
 from usdfoliage.files import code, hashing
 from usdfoliage.files.code import PACKAGE, digest_code, list_code
 from usdfoliage.jobs.plant.tasks import STAGES as NAMES

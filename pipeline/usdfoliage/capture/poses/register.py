@@ -3,12 +3,10 @@
 COLMAP does the geometry; what it is given, and what of its results is reported, is decided here.
 """
 
-import importlib.metadata
 import json
 import logging
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,88 +15,23 @@ from numpy.typing import NDArray
 
 from usdfoliage.capture.folder.listing import counted
 from usdfoliage.capture.folder.photo_set import PhotoFile, PhotoSet, read_colors
-from usdfoliage.capture.lens import LENS_MODELS, Lens, scale_lens
+from usdfoliage.capture.lens import Lens, scale_lens
 from usdfoliage.capture.poses.child_process import run_items
 from usdfoliage.capture.poses.diagnosis import check_cameras, describe_poses, list_failures
+from usdfoliage.capture.poses.mapping import MatchedPhotos, Model, map_photos
 from usdfoliage.capture.poses.pairs import all_pairs, neighbors_in_order, retrieve_pairs
 from usdfoliage.capture.poses.result import PairMatches, RegisteredPhoto, project_with
 from usdfoliage.capture.poses.result import Registered as Registered  # what callers get
+from usdfoliage.capture.poses.settings import PoseEstimationSettings, name_of
 from usdfoliage.errors import CaptureError
-from usdfoliage.files.code import digest_code
-from usdfoliage.files.hashing import digest_text
 from usdfoliage.files.unwritten import describe_unwritten
 from usdfoliage.progress import Progress, StepProgress, progress_in_step
+from usdfoliage.remarks import Remark
 
 logger = logging.getLogger(__name__)
 
-# What features, matches and poses are made by: a test follows the imports.
-CODE_OF_POSES = ("[!_]*.py", "files/**/*", "geometry/**/*", "capture/**/*")
 _EXHAUSTIVE_UP_TO = 60  # photographs
-_MIN_MODEL = 2  # photographs
 _MIN_PARALLAX_DEG = 2.5  # median over points; COLMAP drops points below 1.5
-
-
-@dataclass(frozen=True, kw_only=True)
-class PoseEstimationSettings:
-    """How the cameras of photographs are found."""
-
-    # incremental and global are COLMAP's two mappers; auto runs the incremental one, and the global one where that
-    # places too few photographs.
-    mapper: str = "auto"
-    # exhaustive compares all pairs of photographs, sequential those that follow each other, retrieval those that look
-    # similar; auto chooses by the number of photographs.
-    matching: str = "auto"
-    # Features are searched in photographs reduced to this longer side. Unit: pixels. Range: 64 or more.
-    max_side_px: int = 1600
-    features: int = 4000  # At most this many features of a photograph are used, the coarsest first. Range: 100 or more.
-    # Where a photograph has fewer features, finer ones are searched at four times the cost. Range: 0 or more.
-    min_features: int = 1000
-    # A feature has at least this contrast. Leaves before a dark wall have little. Unit: of 1. Range: above 0, below
-    # 1.
-    peak_threshold: float = 0.002
-    # yes gives all photographs one camera, no gives each its own; auto shares one among photographs of the same size,
-    # make, model and focal length.
-    one_camera: str = "auto"
-    lens_model: str = "SIMPLE_RADIAL"  # This camera model of COLMAP is estimated, from SIMPLE_PINHOLE to FULL_OPENCV.
-    # This is the focal length of all photographs at full size; auto takes it from EXIF, or estimates it. Unit:
-    # pixels. Range: above 0.
-    focal_px: float | None = None
-    # A match is kept up to this ratio of the distances to the nearest and the second nearest descriptor. Range: above
-    # 0, up to 1.
-    max_ratio: float = 0.8
-    # This many coarse features of each photograph are compared first, to choose the pairs that are compared in full.
-    # Range: 100 or more.
-    coarse_features: int = 800
-    coarse_matches: int = 16  # A pair with this many coarse matches is compared in full in any case. Range: 0 or more.
-    min_matches: int = 15  # A pair counts when one motion explains at least this many matches. Range: 8 or more.
-    # Each photograph is compared with this many before and after it, where the photographs are in order. Range: 1 or
-    # more.
-    sequence_overlap: int = 8
-    # This many neighbours of each photograph, those with the most coarse matches, are compared in full in any case.
-    # Range: 1 or more.
-    neighbors: int = 12
-    seed: int = 0  # Every random choice starts from this number. Range: 0 or more.
-    threads: int = 0  # At most this many threads work; 0 is one per core. Range: 0 or more.
-
-    def __post_init__(self) -> None:
-        for name, allowed in (
-            ("mapper", ("auto", "incremental", "global")),
-            ("matching", ("auto", "exhaustive", "sequential", "retrieval")),
-            ("one_camera", ("auto", "yes", "no")),
-            ("lens_model", tuple(LENS_MODELS)),
-        ):
-            if getattr(self, name) not in allowed:
-                raise ValueError(f"{name} must be one of {', '.join(allowed)}, not {getattr(self, name)!r}")
-        if self.max_side_px < 64 or self.features < 100 or self.min_features < 0:
-            raise ValueError(f"max_side_px must be at least 64, features at least 100, not {self}")
-        if not 0 < self.peak_threshold < 1 or not 0 < self.max_ratio <= 1:
-            raise ValueError(f"peak_threshold and max_ratio must be in 0 to 1, not {self}")
-        if min(self.coarse_features - 100, self.coarse_matches, self.seed, self.threads) < 0 or self.min_matches < 8:
-            raise ValueError(f"counts must not be negative and min_matches at least 8, not {self}")
-        if min(self.sequence_overlap, self.neighbors) < 1:
-            raise ValueError(f"sequence_overlap and neighbours must be at least 1, not {self}")
-        if self.focal_px is not None and not (np.isfinite(self.focal_px) and self.focal_px > 0):
-            raise ValueError(f"focal_px must be above 0, not {self.focal_px}")
 
 
 def register_photos(
@@ -142,17 +75,13 @@ def register_photos(
         features, cameras, usable, pairs, work, settings, processes, progress_in_step("matches", progress)
     )
     found = PairMatches.gather(len(photos), match_files)
-    model = _map(
-        photo_set, features, cameras, usable, match_files, found, work, settings, progress_in_step("cameras", progress)
-    )
+    matched = MatchedPhotos(
+        photo_set=photo_set, features=tuple(features), cameras=cameras, usable=tuple(usable),
+        match_files=tuple(match_files), pairs=found,
+    )  # fmt: skip
+    model, contradictions = map_photos(matched, work, settings, processes, progress_in_step("cameras", progress))
     _check_moved(photo_set, model)
-    return _registered(photo_set, features, cameras, model, found, failed, settings)
-
-
-def _named(*parts: Any) -> str:
-    """A file's name for what it is made from."""
-    made_by = [digest_code(CODE_OF_POSES), importlib.metadata.version("pycolmap")]
-    return digest_text(json.dumps([*made_by, *parts], sort_keys=True))[:24]
+    return _registered(matched, model, failed, contradictions, settings)
 
 
 def _find_features(
@@ -170,7 +99,7 @@ def _find_features(
         "min_features": settings.min_features,
         "peak_threshold": settings.peak_threshold,
     }
-    files = [work / f"features-{_named(job, photo.digest)}.npz" for photo in photos]
+    files = [work / f"features-{name_of(job, photo.digest)}.npz" for photo in photos]
     items = [{"photo": str(photo.path.resolve()), "out": str(file)} for photo, file in zip(photos, files, strict=True)]
     failures = run_items(job, items, work, processes, progress)
     return files, {failure.number: failure.reason for failure in failures}
@@ -278,7 +207,7 @@ def _by_first(
     items = []
     for first, others in seconds.items():
         sources = [str(made_from[index]).rsplit("/", 1)[-1] for index in (first, *others)]
-        name = f"{kind}-{_named(job, first, others, sources)}.npz"
+        name = f"{kind}-{name_of(job, first, others, sources)}.npz"
         items.append({"first": first, "seconds": others, "out": str(work / name)})
     return items
 
@@ -314,79 +243,7 @@ def _match(
     return [Path(str(item["out"])) for number, item in enumerate(items) if number not in lost]
 
 
-def _map(
-    photo_set: PhotoSet,
-    features: Sequence[Path],
-    cameras: dict[int, dict[str, Any]],
-    usable: Sequence[int],
-    match_files: Sequence[Path],
-    found: PairMatches,
-    work: Path,
-    settings: PoseEstimationSettings,
-    progress: Progress | None,
-) -> dict[str, NDArray[Any]]:
-    """The model of the worker; photographs are numbered as in usable there, and as in photo_set here."""
-    overlapping = found.verified >= settings.min_matches
-    if not overlapping.any():
-        raise CaptureError(
-            f"no two of {counted(len(usable), 'photograph')} in {photo_set.folder} overlap: the best pair has "
-            f"{int(found.verified.max())} features in common, {settings.min_matches} are needed",
-            "photograph the plant from places 10 to 15 degrees apart, with something still and textured around it",
-        )
-    if bool((found.panoramic | ~overlapping).all()):
-        raise CaptureError(
-            f"the camera only turned between the photographs in {photo_set.folder} and did not move: no depth can be "
-            f"seen so",
-            "walk around the plant",
-        )
-    wanted = {"auto": ("incremental", "global")}.get(settings.mapper, (settings.mapper,))
-    best: dict[str, NDArray[Any]] = {}
-    for mapper in wanted:
-        job = {
-            "task": "map", "mapper": mapper, "seed": settings.seed, "min_matches": settings.min_matches,
-            "mapper_threads": 1, "global_ratio": 1.2,
-        }  # fmt: skip
-        job |= {
-            "features": [str(features[index].resolve()) for index in usable],
-            "cameras": [cameras[index] for index in usable],
-            "numbers": list(usable),
-            "matches": [str(file.resolve()) for file in match_files],
-        }
-        made_from = [features[index].name for index in usable], [file.name for file in match_files]
-        out = work / f"model-{_named({**job, 'features': '', 'matches': ''}, made_from)}.npz"
-        failures = run_items(job, [{"out": str(out)}], work, 1, progress)
-        if failures:
-            logger.warning("the %s mapper failed: %s", mapper, failures[0].reason)
-            continue
-        with np.load(out, allow_pickle=False) as arrays:
-            model = {name: arrays[name] for name in arrays.files}
-        if len(model.get("images", ())) > len(best.get("images", ())):
-            best = model
-        if len(best.get("images", ())) >= 0.8 * len(usable):
-            break
-    if len(best.get("images", ())) < _MIN_MODEL:
-        moved = overlapping & ~found.panoramic
-        turned = int((overlapping & found.panoramic).sum() // 2)
-        hint = (
-            "most pairs show a camera that turned and did not move; walk around the plant"
-            if turned > moved.sum() // 2
-            else "take more photographs from places nearer to each other"
-        )
-        raise CaptureError(
-            f"no cameras could be found for the photographs in {photo_set.folder}: "
-            f"{counted(int(overlapping.sum() // 2), 'pair')} of them overlap, but none starts a reconstruction",
-            hint,
-        )
-    order = np.asarray(usable, np.int64)
-    best["images"] = order[best["images"]]
-    best["track"] = np.column_stack([order[best["track"][:, 0]], best["track"][:, 1]])
-    group = np.full(len(photo_set.photos), -1, np.int64)
-    group[order] = best["group"]
-    best["group"] = group
-    return best
-
-
-def _check_moved(photo_set: PhotoSet, model: dict[str, NDArray[Any]]) -> None:
+def _check_moved(photo_set: PhotoSet, model: Model) -> None:
     """Raise where the cameras have no baseline: what little parallax there is then is that of errors."""
     poses = model["cam_from_world"]
     centers = np.zeros((len(photo_set.photos), 3))
@@ -407,14 +264,13 @@ def _check_moved(photo_set: PhotoSet, model: dict[str, NDArray[Any]]) -> None:
 
 
 def _registered(
-    photo_set: PhotoSet,
-    features: Sequence[Path],
-    cameras: dict[int, dict[str, Any]],
-    model: dict[str, NDArray[Any]],
-    found: PairMatches,
+    matched: MatchedPhotos,
+    model: Model,
     failed: dict[int, str],
+    contradictions: tuple[Remark, ...],
     settings: PoseEstimationSettings,
 ) -> Registered:
+    photo_set, features, cameras, found = matched.photo_set, matched.features, matched.cameras, matched.pairs
     photos = photo_set.photos
     images = model["images"]
     place_in = np.full(len(photos), -1, np.int64)
@@ -470,7 +326,7 @@ def _registered(
         names=tuple(photo.name for photo in photos),
         matches=found.verified,
         failures=list_failures(photo_set, features, model["group"], found, failed, settings.min_matches),
-        remarks=(*checks, *describe_poses(photos, images, found, registered, settings.min_matches)),
+        remarks=(*checks, *contradictions, *describe_poses(photos, images, found, registered, settings.min_matches)),
     )
 
 

@@ -30,6 +30,8 @@ Arrays = Mapping[str, NDArray[Any]]
 _DESCRIPTOR = 128  # numbers
 _PLACES = 0.1  # share of a file of features, beside their descriptors
 _MAX_TRIALS = 2000  # finds what 44 % of the matches agree on; photographs that overlap agree on more
+_TURN_ERROR_PX = 3.0
+_TURN_TRIALS = (100, 1000)  # at least and at most
 _MIN_SIMILAR = 20  # descriptors, below which a motion explains what it explains by chance
 
 
@@ -40,7 +42,13 @@ def main(arguments: Sequence[str]) -> int:
         return 2
     pycolmap.logging.minloglevel = pycolmap.logging.Level.ERROR.value
     job = json.loads(Path(arguments[0]).read_text(encoding="utf-8"))
-    tasks = {"features": _find_features, "compare": _compare, "match": _match_photos, "map": _map_photos}
+    tasks = {
+        "features": _find_features,
+        "compare": _compare,
+        "match": _match_photos,
+        "turns": _find_turns,
+        "map": _map_photos,
+    }
     task = tasks[job["task"]]
     for number, item in job["items"]:
         try:
@@ -149,6 +157,41 @@ def _verify(
     )  # fmt: skip
 
 
+def _find_turns(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
+    """How the camera turned between the photographs of a file of matches, with lenses that are known by now."""
+    found = read_arrays(Path(item["matches"]))
+    number = int(found["first"])
+    first, ends = read_arrays(Path(job["features"][number])), np.cumsum(found["counts"])
+    options = pycolmap.RANSACOptions()
+    options.max_error, options.random_seed = _TURN_ERROR_PX, job["seed"]
+    options.min_num_trials, options.max_num_trials = _TURN_TRIALS
+    seconds, turns, counts = [], [], []
+    for place, second_number in enumerate(found["seconds"].tolist()):
+        count = int(found["counts"][place])
+        if count < job["min_matches"]:
+            continue
+        matches = found["matches"][ends[place] - count : ends[place]]
+        second = read_arrays(Path(job["features"][second_number]))
+        pycolmap.set_random_seed(job["seed"])
+        motion = pycolmap.estimate_essential_matrix(
+            first["keypoints"][matches[:, 0], :2].astype(np.float64),
+            second["keypoints"][matches[:, 1], :2].astype(np.float64),
+            _camera(1, job["cameras"][number]),
+            _camera(2, job["cameras"][second_number]),
+            options,
+        )
+        if motion is None:
+            continue
+        seconds.append(second_number)
+        turns.append(motion["cam2_from_cam1"].matrix()[:, :3])
+        counts.append(float(motion["num_inliers"]))
+    return {
+        "pairs": np.array([(number, second) for second in seconds], np.int64).reshape(-1, 2),
+        "turn": np.array(turns, np.float64).reshape(-1, 3, 3),
+        "matches": np.array(counts, np.float64),
+    }
+
+
 def _geometry(found: "pycolmap.TwoViewGeometry") -> NDArray[np.float64]:
     """(4, 3, 4): E, F, H and the second camera from the first; 0 for none."""
     packed = np.zeros((4, 3, 4))
@@ -214,15 +257,16 @@ def _write_database(path: Path, job: Mapping[str, Any]) -> None:
             database.write_keypoints(index + 1, read_arrays(Path(feature_file))["keypoints"])
         place = {number: index for index, number in enumerate(job["numbers"])}
         for match_file in job["matches"]:
-            _write_matches(database, read_arrays(Path(match_file)), place, job["min_matches"])
+            _write_matches(database, read_arrays(Path(match_file)), place, job)
     database.close()
 
 
-def _write_matches(database: Any, found: Arrays, place_of: Mapping[int, int], min_matches: int) -> None:
+def _write_matches(database: Any, found: Arrays, place_of: Mapping[int, int], job: Mapping[str, Any]) -> None:
+    wanted = None if job.get("pairs") is None else {tuple(pair) for pair in job["pairs"]}
     ends = np.cumsum(found["counts"])
     for place, second in enumerate(found["seconds"]):
         count = int(found["counts"][place])
-        if count < min_matches:
+        if count < job["min_matches"] or (wanted is not None and (int(found["first"]), int(second)) not in wanted):
             continue
         geometry = pycolmap.TwoViewGeometry()
         geometry.config = int(found["configs"][place])

@@ -16,7 +16,8 @@ from usdfoliage.capture.folder.read import Capture, read_capture, without_depth
 from usdfoliage.capture.folder.settings import FILE_NAME, CaptureSettings, read_capture_settings, read_capture_tables
 from usdfoliage.capture.poses.colmap_writer import write_colmap_model
 from usdfoliage.capture.poses.given_frame import FrameFacts, read_upright_capture
-from usdfoliage.capture.poses.register import PoseEstimationSettings, Registered, register_photos
+from usdfoliage.capture.poses.register import Registered, register_photos
+from usdfoliage.capture.poses.settings import PoseEstimationSettings
 from usdfoliage.capture.poses.world_frame import WorldSettings, level_and_scale, move_registered, read_scale_hints
 from usdfoliage.errors import CaptureError
 from usdfoliage.geometry.up_turn import turn_to_y_up

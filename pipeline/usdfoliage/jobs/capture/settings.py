@@ -9,7 +9,7 @@ from usdfoliage.capture.cloud.fusion import CloudSettings
 from usdfoliage.capture.cloud.visibility import VisibilitySettings
 from usdfoliage.capture.mvs.rounds import MvsSettings, Quality, Round
 from usdfoliage.capture.mvs.view_depths import PhotographDepthSettings
-from usdfoliage.capture.poses.register import PoseEstimationSettings
+from usdfoliage.capture.poses.settings import PoseEstimationSettings
 from usdfoliage.capture.poses.world_frame import WorldSettings
 from usdfoliage.capture.video.settings import VideoSettings
 

@@ -1,0 +1,107 @@
+"""Which pairs of photographs agree on how the camera turned, where surfaces that look the same mislead some.
+
+Equal walls or tiles give pairs with many matches and a wrong motion.
+Such pairs agree among themselves, so that their number proves nothing. What people photograph in order is near in
+order, and that decides.
+
+Source: Govindu, Lie-algebraic averaging for globally consistent motion estimation; Chatterjee and Govindu, Efficient
+and robust large-scale rotation averaging (redescending weights).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix, diags_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+from scipy.sparse.linalg import spsolve
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewGraphSettings:
+    """How pairs that agree are found."""
+
+    consistent_deg: float = 5.0  # A pair agrees when its turn differs by less than this from that of the cameras.
+    in_order: float = 100.0  # Matches of photographs that follow each other count so many times in the first tree.
+    rounds: int = 30
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PairTurns:
+    """How cameras turned between photographs."""
+
+    first: NDArray[np.int64]  # (P,), numbers of photographs
+    second: NDArray[np.int64]  # (P,)
+    turn: Array  # (P, 3, 3), the second camera's axes from the first's
+    matches: Array  # (P,), that this motion explains
+
+
+def find_consistent_pairs(
+    pairs: PairTurns, photos: int, settings: ViewGraphSettings = ViewGraphSettings()
+) -> NDArray[np.bool_]:
+    """Which pairs agree with one turn for each camera.
+
+    Args:
+        pairs: Of the photographs in the order in which they were taken; the last is near the first.
+        photos: How many there are.
+        settings: How.
+
+    Returns:
+        (P,), none where the photographs do not hang together.
+    """
+    first, second = pairs.first, pairs.second
+    apart = (second - first) % photos
+    follows = np.minimum(apart, photos - apart) <= 1
+    weight = pairs.matches * np.where(follows, settings.in_order, 1.0)
+    links = coo_matrix((weight, (first, second)), shape=(photos, photos)).tocsr()
+    if not len(first) or connected_components(links, directed=False)[0] > 1:
+        return np.zeros(len(first), bool)
+    turns = Rotation.from_matrix(pairs.turn)
+    cameras = _along_tree(first, second, turns, weight, photos)
+    limit = np.radians(settings.consistent_deg)
+    share = pairs.matches / pairs.matches.mean()
+    for _ in range(settings.rounds):
+        # By how much each pair wants its cameras turned in the world's axes.
+        wanted = (cameras[second].inv() * turns * cameras[first]).as_rotvec()
+        strength = share / (1 + (np.linalg.norm(wanted, axis=1) / limit) ** 2) ** 2
+        step = _spread(first, second, strength, wanted, photos)
+        cameras = cameras * Rotation.from_rotvec(step)
+        if np.abs(step).max() < 1e-6:
+            break
+    rest = (turns.inv() * cameras[second] * cameras[first].inv()).magnitude()
+    return np.asarray(rest < limit)
+
+
+def _along_tree(
+    first: NDArray[np.int64], second: NDArray[np.int64], turns: Rotation, weight: Array, photos: int
+) -> Rotation:
+    """The cameras' turns along the tree of the strongest pairs."""
+    tree = minimum_spanning_tree(csr_matrix((1 / weight, (first, second)), shape=(photos, photos)))
+    order, before = breadth_first_order(tree + tree.T, 0, directed=False)
+    pair_of = {(int(a), int(b)): k for k, (a, b) in enumerate(zip(first, second, strict=True))}
+    matrices = np.zeros((photos, 3, 3))
+    matrices[0] = np.eye(3)
+    turn = turns.as_matrix()
+    for camera in order[1:].tolist():
+        parent = int(before[camera])
+        forward = pair_of.get((parent, camera))
+        step = turn[pair_of[camera, parent]].T if forward is None else turn[forward]
+        matrices[camera] = step @ matrices[parent]
+    return Rotation.from_matrix(matrices)
+
+
+def _spread(first: NDArray[np.int64], second: NDArray[np.int64], strength: Array, wanted: Array, photos: int) -> Array:
+    """(N, 3), the small turns of the cameras that meet what pairs want best; the first camera stays."""
+    count = len(first)
+    rows = np.repeat(np.arange(count), 2)
+    columns = np.column_stack([first, second]).ravel()
+    signs = np.tile([-1.0, 1.0], count)
+    differences = coo_matrix((signs, (rows, columns)), shape=(count, photos)).tocsr()[:, 1:]
+    weighted = diags_array(strength) @ differences
+    normal = (differences.T @ weighted).tocsc() + 1e-12 * coo_matrix(np.eye(photos - 1)).tocsc()
+    step = np.zeros((photos, 3))
+    step[1:] = np.column_stack([spsolve(normal, weighted.T @ wanted[:, axis]) for axis in range(3)])
+    return step
