@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from usdfoliage.capture.folder.listing import counted
 from usdfoliage.capture.folder.photo_set import PhotoSet
@@ -27,6 +28,7 @@ _MIN_MODEL = 2  # photographs
 _MIN_RING = 6  # photographs, from which pairs can contradict each other
 _MIN_CONTRADICTING = 0.15  # share of the pairs, from which surfaces may repeat
 _MIN_IN_ORDER = 0.8  # of photographs that match the next one, from which they were taken in order
+_TURN_OFF_DEG = 10.0  # from which a pair contradicts a model: lenses are estimated
 _MIN_KEPT = 0.9  # of the photographs that all pairs place
 
 
@@ -54,7 +56,8 @@ def map_photos(
 
     Surfaces that repeat, as equal walls, give pairs with many matches and a wrong motion. The lens of a wrong model is
     nearly right nevertheless; with it, how the camera turned between two photographs is known, and which pairs agree.
-    Where many do not, cameras are found again by those that do, and kept if points are then seen in more photographs.
+    Where many do not, cameras are found again by those that do, and kept if more pairs of photographs that follow each
+    other agree with them.
 
     Args:
         matched: The photographs.
@@ -80,7 +83,9 @@ def map_photos(
         other = _map(replace(matched, only=_as_pairs(pairs[agree])), work, settings, progress)
     except CaptureError:  # too few pairs are left
         return model, ()
-    if len(other["images"]) < _MIN_KEPT * len(model["images"]) or _track_length(other) <= _track_length(model):
+    if len(other["images"]) < _MIN_KEPT * len(model["images"]):
+        return model, ()
+    if _agreement_in_order(other, pairs, turns, usable) <= _agreement_in_order(model, pairs, turns, usable):
         return model, ()
     text = (
         f"{contradicting} of {counted(len(agree), 'pair')} of photographs contradict the others, as walls or tiles "
@@ -93,9 +98,15 @@ def _as_pairs(numbers: NDArray[np.int64]) -> tuple[tuple[int, int], ...]:
     return tuple((int(first), int(second)) for first, second in numbers)
 
 
-def _track_length(model: Model) -> float:
-    """In how many photographs the mean point is seen."""
-    return len(model["track"]) / max(len(model["points"]), 1)
+def _agreement_in_order(model: Model, pairs: NDArray[np.int64], turns: PairTurns, usable: NDArray[np.int64]) -> int:
+    """How many pairs of photographs that follow each other turned as the cameras of a model have it."""
+    apart = (turns.second - turns.first) % len(usable)
+    follows = (np.minimum(apart, len(usable) - apart) == 1) & np.isin(pairs, model["images"]).all(axis=1)
+    place = np.searchsorted(model["images"], pairs[follows])
+    cameras = Rotation.from_matrix(model["cam_from_world"][:, :, :3])
+    between = cameras[place[:, 1]] * cameras[place[:, 0]].inv()
+    differ = (Rotation.from_matrix(turns.turn[follows]).inv() * between).magnitude()
+    return int(np.count_nonzero(differ < np.radians(_TURN_OFF_DEG)))
 
 
 def _find_turns(
