@@ -109,6 +109,19 @@ def test_marked_points_move_no_leaf_to_others(tmp_path, scan):
     assert (overlaps(leaf[~marked], true[~marked]) > 0.8).mean() > 0.85
 
 
+def test_ground_is_no_leaf_and_its_points_are_rows(tmp_path, scan):
+    points, true = scan
+    rng = np.random.default_rng(3)
+    floor = np.column_stack([rng.uniform(-0.5, 0.9, (4000, 2)), -0.06 + rng.normal(0, 0.002, 4000)]) + ORIGIN
+    cloud = write_ply(tmp_path / "scan.ply", np.concatenate([floor, points]))
+    assert run("leaves", cloud, "-o", tmp_path / "out", "--up", "Z", "--unit", "m", "--no-preview") == 0
+    written, leaf = labels_of(tmp_path / "out/report/points.ply")
+    assert len(written) == len(floor) + len(points)
+    assert (leaf[: len(floor)] == -1).all()
+    assert (overlaps(leaf[len(floor) :], true) > 0.8).mean() > 0.85
+    assert (read(tmp_path / "out").leaves.base_m[:, 1] > -0.01).all()  # none on the floor
+
+
 @pytest.mark.parametrize("suffix", [".las", ".xyz"])
 def test_other_files_give_the_same_leaves(tmp_path, scan, suffix):
     points, true = scan

@@ -15,6 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from usdfoliage.capture.cloud_files.up_axis import find_cloud_up
+from usdfoliage.geometry.up_turn import turn_to_y_up
+from usdfoliage.jobs.plant_cloud import find_plant_ground
 from usdfoliage.leaf.reconstruct_cloud import reconstruct_cloud_leaves
 
 from tools.synthetic.scan import Scan, ScanSettings
@@ -49,6 +52,8 @@ PLANTS: Sequence[ScannedPlant] = (
     ScannedPlant(name="bed", kind=BED, leaves=150, points_a_leaf=200),
     ScannedPlant(name="plant", kind=PLANT, leaves=240, points_a_leaf=150),
     ScannedPlant(name="plant, 30 points a leaf", kind=PLANT, leaves=240, points_a_leaf=45),
+    ScannedPlant(name="plant, with ground", kind=PLANT, leaves=240, points_a_leaf=150, ground=1.0),
+    ScannedPlant(name="rosette, with ground", kind="rosette", leaves=120, points_a_leaf=250, ground=2.0),
     ScannedPlant(name="amid bare branches", kind=TREE, leaves=120, points_a_leaf=200, height_m=3.0),
 )
 
@@ -101,7 +106,10 @@ def compare_instances(found: NDArray[np.int32], true: NDArray[np.int32]) -> tupl
 def measure_scan(scan: Scan) -> Instances:
     """Find the leaves of a scan and compare them with the truth."""
     start = time.perf_counter()
-    leaf = reconstruct_cloud_leaves(scan.points_m).leaf
+    turn = turn_to_y_up(find_cloud_up(scan.points_m, None, None).axis)
+    kept = np.flatnonzero(~find_plant_ground(scan.points_m @ turn.T).ground.points)
+    leaf = np.full(len(scan.points_m), -1, np.int32)
+    leaf[kept] = reconstruct_cloud_leaves(scan.points_m[kept]).leaf
     seconds = time.perf_counter() - start
     true, found, recall, precision = compare_instances(leaf, scan.leaf)
     return Instances(

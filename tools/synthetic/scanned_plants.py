@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tools.synthetic.plant import PlantSettings, build_plant
-from tools.synthetic.scan import Scan, ScanSettings, scan_scene
+from tools.synthetic.scan import WOOD, Scan, ScanSettings, scan_scene
 from tools.synthetic.scene import SceneSettings, build_scene
 from tools.synthetic.shoots import SPECIES, grow_shoots
 
 BED, PLANT, TREE = "bed", "plant", "tree"  # besides the species of shoots
 MAX_POINTS = 20_000  # of a scan to learn from
+UNEVEN_M = 0.004  # of ground, in each of two waves
 MAX_WOOD = 2.0  # times as many points on the wood of a tree as on its leaves
 
 
@@ -28,6 +29,7 @@ class ScannedPlant:
     size: float = 1.0  # of the leaves, to that of the species
     spread: float = 1.0  # of the leaves' lengths, to that of the species
     height_m: float = 1.4  # of plants and trees
+    ground: float = 0.0  # points on rough ground around it, for one of its own
     seed: int = 0
 
 
@@ -45,7 +47,26 @@ def scan_plant(plant: ScannedPlant) -> Scan:
     # A closed surface of wood shows half of itself; of a leaf either side shows it all.
     wood = 0.5 * areas_m2[leaf < 0].sum() / max(areas_m2[leaf >= 0].sum(), 1e-30)
     points = plant.points_a_leaf * count * (1 + min(float(wood), MAX_WOOD))
-    return scan_scene(vertices_m, triangles, leaf, replace(plant.scan, points=int(points), seed=plant.seed))
+    scan = scan_scene(vertices_m, triangles, leaf, replace(plant.scan, points=int(points), seed=plant.seed))
+    return _on_ground(scan, plant) if plant.ground > 0 else scan
+
+
+def _on_ground(scan: Scan, plant: ScannedPlant) -> Scan:
+    """The scan with ground of twice its width below it: uneven by some millimetres, as rough as its points are."""
+    rng = np.random.default_rng((plant.seed, 10))
+    low_m, high_m = scan.points_m.min(axis=0), scan.points_m.max(axis=0)
+    half_m = float(max(high_m[0] - low_m[0], high_m[2] - low_m[2]))
+    count = round(plant.ground * len(scan.points_m))
+    aside_m = rng.uniform(-half_m, half_m, (count, 2))
+    waves = np.sin(2 * np.pi * aside_m / half_m + rng.uniform(0, 2 * np.pi, 2)).sum(axis=1)
+    rise_m = UNEVEN_M * waves + plant.scan.noise_m * rng.normal(size=count)
+    middle_m = (low_m + high_m) / 2
+    ground_m = np.column_stack([middle_m[0] + aside_m[:, 0], low_m[1] - 0.02 + rise_m, middle_m[2] + aside_m[:, 1]])
+    order = rng.permutation(len(scan.points_m) + count)
+    return Scan(
+        points_m=np.concatenate([scan.points_m, ground_m])[order],
+        leaf=np.concatenate([scan.leaf, np.full(count, WOOD, np.int32)])[order],
+    )
 
 
 def list_training(seed: int, rounds: int) -> Sequence[ScannedPlant]:

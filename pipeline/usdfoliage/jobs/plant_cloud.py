@@ -2,14 +2,14 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdfoliage.branch.tracing.ground import find_ground, no_ground
+from usdfoliage.branch.tracing.ground import Ground, find_ground, no_ground
 from usdfoliage.branch.tracing.other_trees import find_other_trees
 from usdfoliage.branch.tracing.outliers import find_ground_remains, find_outliers
 from usdfoliage.branch.tracing.reconstruct import BranchSettings, point_spacing
@@ -131,18 +131,10 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         remarks.append(remark("cloud-up", up.how, remedy=remedy))
     turn = turn_to_y_up(axis)
     points_m = source.points_m @ turn.T
-    ground = find_ground(points_m) if request.has_ground else no_ground(points_m)
-    if ground.points.any():
-        remarks.append(remark("ground-left-out", f"{int(ground.points.sum()):,} points are ground and left out"))
-    points_m = points_m[~ground.points]
-    colors = None if source.colors is None else source.colors[~ground.points].astype(np.float64)
-    if ground.plane is not None:
-        remains = find_ground_remains(points_m, ground.plane)
-        if remains.any():
-            text = f"{int(remains.sum()):,} points low and far beside the plant are ground too and left out"
-            remarks.append(remark("ground-left-out", text))
-            points_m = points_m[~remains]
-            colors = None if colors is None else colors[~remains]
+    ground = find_plant_ground(points_m) if request.has_ground else PlantGround(ground=no_ground(points_m))
+    remarks += ground.remarks
+    points_m = points_m[~ground.ground.points]
+    colors = None if source.colors is None else source.colors[~ground.ground.points].astype(np.float64)
     outliers = find_outliers(points_m)
     if outliers.any():
         text = f"{int(outliers.sum()):,} points are far beside the plant and left out"
@@ -161,14 +153,16 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         given = np.array(request.given_roots) * source.metres_per_unit - source.origin_m
         roots_m = given @ turn.T
         _check_roots(roots_m, points_m, request)
-        other = find_other_trees(points_m, roots_m, find_roots(points_m, ground=ground.plane), point_spacing(points_m))
+        other = find_other_trees(
+            points_m, roots_m, find_roots(points_m, ground=ground.ground.plane), point_spacing(points_m)
+        )
         if other.any():
             text = f"{int(other.sum()):,} points are of other trees than that at the given root and left out"
             remarks.append(remark("other-trees-left-out", text))
             points_m = points_m[~other]
             colors = None if colors is None else colors[~other]
     else:
-        roots_m = find_roots(points_m, request.roots, ground.plane)
+        roots_m = find_roots(points_m, request.roots, ground.ground.plane)
         if request.roots.count is not None and len(roots_m) < request.roots.count:
             remarks.append(remark("roots-missing", f"{len(roots_m)} of {request.roots.count} roots were found"))
     asset_from_cloud = np.eye(4)
@@ -180,9 +174,35 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         roots_m=roots_m - roots_m[0],
         asset_from_cloud=asset_from_cloud,
         source=source,
-        ground=int(ground.points.sum()),
+        ground=ground.in_plane,
         remarks=(*remarks, *check_height(float(np.ptp(points_m[:, 1])), source.metres_per_unit)),
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlantGround:
+    """The ground of a plant's cloud, what remains of it beside the plant among its points."""
+
+    ground: Ground
+    in_plane: int = 0  # of its points, those in its plane
+    remarks: tuple[Remark, ...] = ()
+
+
+def find_plant_ground(points_m: NDArray[np.float64]) -> PlantGround:
+    """The ground of a cloud (N, 3), Y up, and remarks on what is left out with it."""
+    ground = find_ground(points_m)
+    in_plane = int(np.count_nonzero(ground.points))
+    if not in_plane or ground.plane is None:
+        return PlantGround(ground=ground)
+    remarks = [remark("ground-left-out", f"{in_plane:,} points are ground and left out")]
+    left = np.flatnonzero(~ground.points)
+    remains = left[find_ground_remains(points_m[left], ground.plane)]
+    if len(remains):
+        text = f"{len(remains):,} points low and far beside the plant are ground too and left out"
+        remarks.append(remark("ground-left-out", text))
+    points = ground.points.copy()
+    points[remains] = True
+    return PlantGround(ground=replace(ground, points=points), in_plane=in_plane, remarks=tuple(remarks))
 
 
 def _explain_few(

@@ -36,6 +36,7 @@ def write_cloud_leaves_report(
     found: CloudReconstruction,
     leaves: Leaves,
     points_m: NDArray[np.float64],
+    leaf: NDArray[np.int32],
     previews: Sequence[str] = (),
 ) -> WrittenReport:
     """Write index.html and its pictures into folder, which exists.
@@ -43,17 +44,18 @@ def write_cloud_leaves_report(
     Args:
         folder: Of the report.
         frame: What it states of the run.
-        found: The leaves and which points are of them.
+        found: The leaves.
         leaves: The same in the asset's frame.
         points_m: (N, 3), the cloud in the asset's frame.
+        leaf: (N,), which leaf each point is of, -1 for none.
         previews: Pictures of the asset, in the folder.
     """
     pictures = [
         ReportPicture(file=file, caption=f"The cloud from the {name}, every leaf in a colour of its own; grey: no leaf")
-        for name, file in _draw_cloud(folder, points_m, found)
+        for name, file in _draw_cloud(folder, points_m, leaf, found)
     ]
     drawn = [ReportPicture(file=file, caption="The asset, drawn by Storm") for file in previews]
-    share = float((found.leaf >= 0).mean()) if len(found.leaf) else 0.0
+    share = float((leaf >= 0).mean()) if len(leaf) else 0.0
     rows = [
         Row(
             name="points",
@@ -66,10 +68,12 @@ def write_cloud_leaves_report(
     return WrittenReport(page=index, pictures=tuple(pictures))
 
 
-def _draw_cloud(folder: Path, points_m: NDArray[np.float64], found: CloudReconstruction) -> list[tuple[str, str]]:
+def _draw_cloud(
+    folder: Path, points_m: NDArray[np.float64], leaf_of: NDArray[np.int32], found: CloudReconstruction
+) -> list[tuple[str, str]]:
     """Pictures of the cloud in the colours of its leaves; their directions and files."""
     chosen = np.linspace(0, len(points_m) - 1, min(len(points_m), DRAWN_POINTS)).astype(np.int64)
-    drawn_m, leaf = points_m[chosen], found.leaf[chosen]
+    drawn_m, leaf = points_m[chosen], leaf_of[chosen]
     colors = np.concatenate([leaf_palette(len(found.leaves)), np.array([NO_LEAF], np.uint8)])[leaf]
     windows = frame_points(drawn_m, _DIRECTIONS, PICTURE_PX, drawn_m[leaf >= 0])
     bar_m = bar_length(windows)

@@ -41,6 +41,7 @@ from usdfoliage.jobs.leaves.publish import (
 )
 from usdfoliage.jobs.leaves.request import LeavesRequest
 from usdfoliage.jobs.leaves.run import place_plant
+from usdfoliage.jobs.plant_cloud import find_plant_ground
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView
 from usdfoliage.jobs.report.table import WrittenReport
 from usdfoliage.jobs.work.settings_file import list_settings
@@ -66,7 +67,8 @@ class FoundCloudLeaves:
     """The leaves of a cloud, before anything is written."""
 
     source: CloudInput
-    found: CloudReconstruction
+    found: CloudReconstruction  # in the points that are not ground
+    leaf: NDArray[np.int32]  # (N,), which leaf each point of the source is of, -1 for none, as of the ground
     leaves: Leaves  # in the plant's frame
     asset_from_source: NDArray[
         np.float64
@@ -126,10 +128,16 @@ def find_cloud_leaves(request: LeavesRequest, progress: StepProgress | None = No
     )
     remarks = list(source.remarks)
     axis, up_remarks = _find_up(source, request.up)
+    turn = np.eye(4)
+    turn[:3, :3] = turn_to_y_up(axis)
+    # On the floor and in grass there are regions like leaves.
+    ground = find_plant_ground(source.points_m @ turn[:3, :3].T)
+    kept = np.flatnonzero(~ground.ground.points)
+    colors = _linear_colors(source)
     seconds = {"read": time.perf_counter() - start}
     found = reconstruct_cloud_leaves(
-        source.points_m,
-        _linear_colors(source),
+        source.points_m[kept],
+        None if colors is None else colors[kept],
         request.settings.cloud,
         progress,
         min_confidence=request.settings.min_confidence,
@@ -137,16 +145,17 @@ def find_cloud_leaves(request: LeavesRequest, progress: StepProgress | None = No
     )
     if not len(found.leaves):
         logger.warning("no leaf was found (%s)", request.capture)
-    turn = np.eye(4)
-    turn[:3, :3] = turn_to_y_up(axis)
+    leaf = np.full(len(source.points_m), -1, np.int32)
+    leaf[kept] = found.leaf
     asset_from_source = place_plant(found.leaves, turn)
     leaves = move_leaves(found.leaves, asset_from_source)
     return FoundCloudLeaves(
         source=source,
         found=found,
+        leaf=leaf,
         leaves=replace(leaves, phase=spread_phases(len(leaves))),
         asset_from_source=asset_from_source,
-        remarks=(*found.remarks, *remarks, *up_remarks),
+        remarks=(*found.remarks, *ground.remarks, *remarks, *up_remarks),
         seconds={**seconds, **found.seconds},
     )
 
@@ -166,7 +175,7 @@ def report_cloud_leaves(folder: Path, request: LeavesRequest, made: FoundCloudLe
     """Write the report of a cloud's leaves into an existing folder."""
     frame = frame_report(request, made.source.path.name, describe_cloud_settings(request), facts)
     turned_m = made.source.points_m @ made.asset_from_source[:3, :3].T + made.asset_from_source[:3, 3]
-    return write_cloud_leaves_report(folder, frame, made.found, made.leaves, turned_m, facts.previews)
+    return write_cloud_leaves_report(folder, frame, made.found, made.leaves, turned_m, made.leaf, facts.previews)
 
 
 def plan_cloud_leaves_asset(request: LeavesRequest) -> str:
@@ -211,7 +220,7 @@ def write_points(path: Path, made: FoundCloudLeaves, threads: int = 0) -> int:
     Raises:
         WriteError: The file cannot be written.
     """
-    source, leaf = made.source, made.found.leaf
+    source, leaf = made.source, made.leaf
 
     def parts() -> Iterator[FilePoints]:
         return iterate_points(source.path)
