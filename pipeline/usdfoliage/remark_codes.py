@@ -912,6 +912,16 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 ),
                 action="Look at the leaves at these places. Photographs between the others show more of the stems.",
             ),
+            "leaves-beside-plant-left-out": RemarkKind(
+                severity="info",
+                meaning="Leaves lie far from the plant's points, as of another plant in the scan. They are left out.",
+                action="Nothing. Crop neighbours away if they are joined to the plant.",
+            ),
+            "found-leaves-kept": RemarkKind(
+                severity="info",
+                meaning="Leaves that are probably right stay where they were found. Others are on the twigs.",
+                action="Nothing, or set `foliage.kind` to have one kind alone.",
+            ),
             "leaves-filled-in": RemarkKind(
                 severity="info",
                 meaning="Leaves like those that were found stand where the cloud has leaves besides.",

@@ -186,6 +186,36 @@ def test_leaves_that_cannot_be_distinguished_in_the_cloud_are_on_the_twigs() -> 
     assert kind_of(captured(leaves), traced(points_on(leaves) + 10, knows_leaves=False)) == "drawn"
 
 
+def test_leaves_that_are_probably_right_stay_beside_others_on_the_twigs() -> None:
+    leaves = replace(sure_leaves(), confidence=np.where(np.arange(40) % 4, 0.3, 0.8))
+    away = traced(points_on(leaves) + 10, knows_leaves=False)
+    chosen = choose_foliage(captured(leaves), away, BuildSettings(), FRAME)
+    assert chosen.kind == "drawn"
+    np.testing.assert_array_equal(chosen.kept, np.arange(0, 40, 4))
+    assert chosen.leaves is not None
+    every = chosen.leaves.leaves
+    np.testing.assert_array_equal(every.base_m[:10], leaves.base_m[::4])
+    counts = count_origins(every)
+    assert counts["filled_in"] == len(every) - 10 > 0
+    (kept,) = (each for each in chosen.remarks if each.code == "found-leaves-kept")
+    assert kept.text.startswith("10 leaves")
+    asked = replace(BuildSettings(), foliage=FoliageSettings(kind="drawn"))
+    alone = choose_foliage(captured(leaves), away, asked, FRAME)
+    assert alone.leaves is not None
+    assert len(alone.kept) == count_origins(alone.leaves.leaves)["found"] == 0
+
+
+def test_no_leaf_on_a_twig_lies_in_one_that_was_found() -> None:
+    leaves = sure_leaves()
+    chosen = choose_foliage(captured(leaves), traced(points_on(leaves), knows_leaves=False), BuildSettings(), FRAME)
+    assert chosen.leaves is not None
+    every = chosen.leaves.leaves
+    others = every.take(np.arange(40, len(every)))
+    middle_m = evaluate_points(others.parameters, [[0.0, 0.5]], placements=others.asset_from_leaf()).reshape(-1, 3)
+    assert len(others)
+    assert leaf_cover(middle_m, leaves) == 0
+
+
 def test_what_found_leaves_leave_bare_is_filled_with_leaves_like_them() -> None:
     leaves = sure_leaves()
     elsewhere_m = points_on(leaves) + 10

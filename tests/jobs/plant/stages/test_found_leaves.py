@@ -10,7 +10,12 @@ from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.jobs.branches.foliage import FittedLeaves
 from usdfoliage.jobs.plant.settings import BuildSettings, FoliageSettings
 from usdfoliage.jobs.plant.stages.foliage import choose_foliage
-from usdfoliage.jobs.plant.stages.found_leaves import keep_found_leaves, lie_apart, lie_below_stems
+from usdfoliage.jobs.plant.stages.found_leaves import (
+    keep_found_leaves,
+    lie_apart,
+    lie_below_stems,
+    lie_beside_plant,
+)
 from usdfoliage.jobs.plant.stages.models import CapturedLeaves
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, slim_leaves
@@ -124,7 +129,8 @@ def test_pieces_of_stems_among_the_leaves_are_left_out_and_counted():
 
 @pytest.mark.parametrize(("away_m", "apart"), [(0.15, False), (0.28, True)])
 def test_apart_is_what_is_two_leaf_lengths_from_stems_and_their_leaves(away_m, apart):
-    leaves = flat_leaves([(0.0, 0.2, 0.0), (0.02 + away_m, 0.2, 0.0)], LENGTH_M, width=0.4)
+    half_m = 0.4 * 7 / 8 * LENGTH_M  # a quartic is that wide in its middle
+    leaves = flat_leaves([(0.0, 0.2, 0.0), (half_m + away_m, 0.2, 0.0)], LENGTH_M, width=0.4)
     joined = np.array([True, False])
     assert lie_apart(leaves, joined, stem().points_m).tolist() == [False, apart]
     assert not lie_apart(leaves, ~joined, np.zeros((0, 3)))[1]
@@ -142,6 +148,26 @@ def test_leaves_that_no_stem_leads_to_are_kept_near_the_plant_and_left_out_apart
         "no stem leads to 3 of 13 leaves that were found; 1 near the plant are kept: at (0.100, 0.550, 0.000); "
         "2 apart from it are left out: at (0.600, 0.550, 0.000), (0.900, 0.550, 0.000)"
     )
+
+
+def test_leaves_of_another_plant_in_a_scan_are_left_out():
+    leaves = colored(((0.2, 0.5, 0.0), GREEN), ((50.0, 0.5, 0.0), GREEN))
+    near = replace(plant(of_photographs=False), points_m=stem().points_m)
+    found = keep_found_leaves(captured(leaves), near, FRAME)
+    np.testing.assert_array_equal(found.kept, np.arange(11))
+    (remark,) = found.remarks
+    assert remark.code == "leaves-beside-plant-left-out"
+    assert remark.text.startswith("1 of 12 leaves")
+    assert "(50.000, 0.550, 0.000)" in remark.text
+
+
+@pytest.mark.parametrize(("away_m", "beside"), [(0.19, False), (0.21, True)])
+def test_beside_a_plant_is_what_is_two_leaf_lengths_from_its_cloud(away_m, beside):
+    half_m = 0.4 * 7 / 8 * LENGTH_M  # a quartic is that wide in its middle
+    leaves = flat_leaves([(0.0, 0.2, 0.0), (half_m + away_m, 0.2, 0.0)], LENGTH_M, width=0.4)
+    assert lie_beside_plant(leaves, stem().points_m).tolist() == [False, beside]
+    assert not lie_beside_plant(leaves, 5 * stem().points_m).any()  # a sparse cloud of a high plant
+    assert not lie_beside_plant(leaves, np.zeros((0, 3))).any()
 
 
 def test_what_is_left_out_is_no_leaf_of_the_plant_for_others():

@@ -15,6 +15,7 @@ from usdfoliage.asset.provenance import Provenance, combined_sha256, package_ver
 from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.capture.cloud_files.ply import read_cloud
 from usdfoliage.errors import FitError, PreviewError
+from usdfoliage.files.npz import write_arrays
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
 from usdfoliage.jobs.plant.call import StageCall
@@ -47,6 +48,7 @@ _MAX_POINTS = 50_000  # of the cloud, from which that share is measured
 _MAX_CHARACTERS = 400  # characters of why a part could not be made
 _LEFT_OUT = ("branches-left-out", "crown-of-no-leaves")  # codes of remarks on why a plant has no such part
 
+LEAF_NUMBERS = "leaf_numbers.npz"  # number (L,): which leaf of the asset each found one is, -1 for none
 ASSET_FOLDER = "asset"  # in the result of a stage that writes one
 
 
@@ -145,6 +147,10 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         origins={} if chosen.leaves is None else count_origins(chosen.leaves.leaves),
     )
     write_asset_facts(call.out, facts)
+    if captured is not None:
+        number_of = np.full(len(captured.fitted.leaves), -1, np.int32)
+        number_of[chosen.kept] = np.arange(len(chosen.kept))
+        write_arrays(call.out / LEAF_NUMBERS, {"number": number_of})
     rows = [
         *facts.count_rows(),
         *([Row(name="cover", value=f"{cover:.0%}", remark="of the cloud is near leaves")] if cover is not None else []),

@@ -1,7 +1,7 @@
 """Which leaves a plant gets: those that were found, where they were found, or leaves on the twigs of its branches."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ from usdfoliage.remarks import Remark, remark
 
 _ACROSS, _ALONG = 5, 9  # points of a leaf at which its cover is measured
 _NARROWEST = 0.1  # of a leaf's width: as slim as the points of a pod or a needle show it
+_SURE = 0.5  # confidence, from which a leaf that was found stays where others are drawn on the twigs
 _NEAR = 0.25  # of a leaf's length, within which a point of the cloud is of it
 
 
@@ -48,6 +49,7 @@ class ChosenFoliage:
     remarks: tuple[Remark, ...]
     rows: tuple[Row, ...]  # on them, besides their number
     found: Leaves | None = None  # the leaves of the plant that were found, whichever it gets
+    kept: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # its first, of those in the model
     explained: float | None = None  # share of the cloud's leaves that these cover; None where that is not known
 
 
@@ -97,9 +99,9 @@ def _choose_of_found(
             edits=captured.fitted.edits,
             appearance=captured.fitted.appearance,
         )
-        return ChosenFoliage(leaves=leaves, kind=kind, remarks=tuple(remarks), rows=())
+        return ChosenFoliage(leaves=leaves, kind=kind, remarks=tuple(remarks), rows=(), kept=found.kept)
     if kind == "filled":
-        return _fill(captured, placed, traced, settings, remarks)
+        return replace(_fill(captured, placed, traced, settings, remarks), kept=found.kept)
     if traced is None:
         raise FoliageError(f"foliage.kind is {kind}, and there are no twigs for leaves", "set it to captured or auto")
     fitted = None
@@ -123,8 +125,36 @@ def _choose_of_found(
         return ChosenFoliage(leaves=None, kind="none", remarks=tuple(remarks), rows=())
     origin = LeafOrigin.OF_SPECIES if fitted is None else LeafOrigin.FILLED_IN
     put = grown.foliage.leaves
-    foliage = replace(grown.foliage, leaves=replace(put, origin=np.full(len(put), origin, np.int32)))
-    return ChosenFoliage(leaves=foliage, kind=kind, remarks=(*remarks, *grown.remarks), rows=grown.mean_leaf_rows)
+    put = replace(put, origin=np.full(len(put), origin, np.int32))
+    sure = np.zeros(0, np.int64)
+    if wanted.kind == "auto" and placed is not None and placed.confidence is not None:
+        sure = np.flatnonzero(placed.confidence >= _SURE)
+    if placed is not None and len(sure):
+        own = _as_found(placed.take(sure))
+        put = join_leaves([own, put.take(~near_leaves(_middles(put), own))])
+        text = f"{len(own):,} leaves that were found are probably right and stay where they are"
+        remarks.append(remark("found-leaves-kept", text))
+    foliage = replace(grown.foliage, leaves=put)
+    return ChosenFoliage(
+        leaves=foliage,
+        kind=kind,
+        remarks=(*remarks, *grown.remarks),
+        rows=grown.mean_leaf_rows,
+        kept=found.kept[sure],
+    )
+
+
+def _as_found(leaves: Leaves) -> Leaves:
+    """Leaves of no known origin, as of the method paper, are found ones; joined, they would count as filled in."""
+    if leaves.origin is not None:
+        return leaves
+    return replace(leaves, origin=np.full(len(leaves), LeafOrigin.FOUND, np.int32))
+
+
+def _middles(leaves: Leaves) -> NDArray[np.float64]:
+    """(N, 3), the middle of each leaf's axis."""
+    middle = np.array([[0.0, 0.5]])
+    return np.asarray(evaluate_points(leaves.parameters, middle, placements=leaves.asset_from_leaf())).reshape(-1, 3)
 
 
 def _fill(
@@ -158,9 +188,7 @@ def _fill(
         color=None if sure.color is None else vary_colors(sure.color[drawn], len(drawn), rng, DRAWN_SPREAD),
         origin=np.full(len(drawn), LeafOrigin.FILLED_IN, np.int32),
     )
-    if placed.origin is None:  # as of the method paper; joined, leaves of no known origin would count as filled in
-        placed = replace(placed, origin=np.full(len(placed), LeafOrigin.FOUND, np.int32))
-    leaves = join_leaves([placed, others])
+    leaves = join_leaves([_as_found(placed), others])
     text = f"{len(others):,} leaves were put beside {len(placed):,} that were found"
     chosen = _representations(settings, len(leaves))
     foliage = BranchLeaves(

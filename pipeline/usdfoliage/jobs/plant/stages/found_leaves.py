@@ -1,6 +1,6 @@
 """Which of the leaves that were found are of the plant: those on its stems, the others listed or left out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from usdfoliage.remarks import Remark, remark
 
 _ACROSS, _ALONG = 5, 9  # places of a leaf at which it is compared with others
 _APART = 2.0  # median leaf lengths from stems and from leaves on them, beyond which a leaf is no part of the plant
+_FAR = 0.1  # of the plant's height, from the points of its cloud, beyond which a leaf is of another plant
 _DESCRIBED = 8  # leaves whose places a remark has
 
 
@@ -29,6 +30,7 @@ class FoundLeaves:
     leaves: Leaves | None  # N, None where there is none
     remarks: tuple[Remark, ...] = ()
     led_to: int = 0  # of them, leaves that stems of photographs lead to
+    kept: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # (N,), which of those found
 
 
 def keep_found_leaves(
@@ -46,7 +48,7 @@ def keep_found_leaves(
     moved = plant_from_capture @ np.linalg.inv(captured.own_from_capture)
     placed = move_leaves(captured.fitted.leaves, moved)
     if traced is None:
-        return FoundLeaves(leaves=placed)
+        return FoundLeaves(leaves=placed, kept=np.arange(len(placed)))
     count = len(placed)
     if len(traced.turned):
         placed = order_silhouettes(flip_leaves(placed, np.isin(np.arange(count), traced.turned)))
@@ -78,8 +80,19 @@ def keep_found_leaves(
         if unjoined.any():
             remarks.append(_describe_unjoined(placed, unjoined, apart))
         left_out = left_out | apart
+    else:
+        plant_m = np.concatenate([traced.points_m, traced.skeleton.points_m])
+        beside = lie_beside_plant(placed, plant_m) & ~left_out
+        if beside.any():
+            text = (
+                f"{int(beside.sum())} of {count} leaves that were found lie beside the plant, as of another one, and "
+                f"are left out: at {_list_places(placed.take(beside))}"
+            )
+            remarks.append(remark("leaves-beside-plant-left-out", text))
+        left_out = left_out | beside
     return FoundLeaves(
         leaves=None if left_out.all() else placed.take(~left_out),
+        kept=np.flatnonzero(~left_out),
         remarks=tuple(remarks),
         led_to=int(np.count_nonzero(~left_out & ~unjoined)) if traced.of_photographs else 0,
     )
@@ -120,12 +133,31 @@ def lie_apart(leaves: Leaves, joined: NDArray[np.bool_], stems_m: NDArray[np.flo
     """
     if not len(leaves):
         return np.zeros(0, bool)
-    surfaces_m = _surfaces(leaves)
-    plant_m = np.concatenate([stems_m, surfaces_m[joined].reshape(-1, 3)])
-    if not len(plant_m):
+    plant_m = np.concatenate([stems_m, _surfaces(leaves)[joined].reshape(-1, 3)])
+    return _away_m(leaves, plant_m) > _APART * float(np.median(leaves.length_m))
+
+
+def lie_beside_plant(leaves: Leaves, plant_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,) leaves of which no place is near a point of the plant's cloud.
+
+    Near is nearer than two median leaf lengths or a tenth of the plant's height, whichever is more: clouds are sparse.
+
+    Args:
+        leaves: N, Y up.
+        plant_m: (P, 3), the cloud without ground and other plants, in the same frame.
+    """
+    if not len(leaves) or not len(plant_m):
         return np.zeros(len(leaves), bool)
-    away_m = np.asarray(cKDTree(plant_m).query(surfaces_m.reshape(-1, 3))[0]).reshape(len(leaves), -1)
-    return np.asarray(away_m.min(axis=1) > _APART * float(np.median(leaves.length_m)))
+    far_m = max(_APART * float(np.median(leaves.length_m)), _FAR * float(np.ptp(plant_m[:, 1])))
+    return _away_m(leaves, plant_m) > far_m
+
+
+def _away_m(leaves: Leaves, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,), from the nearest place of each leaf to the nearest of points; 0 without any."""
+    if not len(points_m):
+        return np.zeros(len(leaves))
+    away_m = np.asarray(cKDTree(points_m).query(_surfaces(leaves).reshape(-1, 3))[0])
+    return np.asarray(away_m.reshape(len(leaves), -1).min(axis=1))
 
 
 def _describe_unjoined(leaves: Leaves, unjoined: NDArray[np.bool_], apart: NDArray[np.bool_]) -> Remark:

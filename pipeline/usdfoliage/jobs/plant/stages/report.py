@@ -12,9 +12,12 @@ from usdfoliage.asset.packages.contents import AssetFile, interface_of, list_fil
 from usdfoliage.asset.provenance import PACKAGES, VALIDATION_PACKAGES, package_versions
 from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation.validate import ValidationReport, validate_asset
+from usdfoliage.capture.cloud_files.leaf_points import renumber_leaf_points
 from usdfoliage.capture.folder.read import read_capture
 from usdfoliage.errors import PreviewError
 from usdfoliage.files.json import read_json
+from usdfoliage.files.npz import read_arrays
+from usdfoliage.jobs.leaves.cloud_run import POINTS_FILE
 from usdfoliage.jobs.plant.asset_facts import AssetFacts, read_asset_facts
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.pages.pictures import draw_comparisons, draw_turntable, draw_variants
@@ -32,7 +35,7 @@ from usdfoliage.jobs.plant.pages.report import (
 )
 from usdfoliage.jobs.plant.pages.report_html import write_plant_report
 from usdfoliage.jobs.plant.settings import STAGE_SETTINGS, BuildSettings
-from usdfoliage.jobs.plant.stages.assemble import ASSET_FOLDER
+from usdfoliage.jobs.plant.stages.assemble import ASSET_FOLDER, LEAF_NUMBERS
 from usdfoliage.jobs.plant.stages.isolate import has_drawn_masks, plant_capture
 from usdfoliage.jobs.plant.store import ResultFile, copy_tree
 from usdfoliage.jobs.plant.summary import StageSummary, read_summary, write_summary
@@ -239,6 +242,9 @@ def _copy_details(call: StageCall, folder: Path) -> None:
         detail = read_summary(call.result_of(name)).detail if call.has(name) else ""
         if detail:
             copy_tree((call.result_of(name) / detail).parent, folder / name, link=True)
+    points, numbers = folder / LEAVES / POINTS_FILE, call.result_of(ASSET) / LEAF_NUMBERS
+    if points.is_file() and numbers.is_file():  # the asset has not all of the leaves that were found
+        renumber_leaf_points(points, read_arrays(numbers)["number"])
 
 
 def _stage(call: StageCall, name: str, summary: StageSummary) -> StageReport:
