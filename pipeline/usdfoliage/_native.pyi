@@ -1413,3 +1413,16 @@ def carry_references(
 
 def bridge_pieces(points: NDArray[np.float64], piece_of: NDArray[np.int32], pieces: int) -> NDArray[np.int64]:
     """Ends (pieces - 1, 2) of the shortest links that join all pieces; points (N, 3), piece_of (N,)."""
+
+def merge_regions(
+    count: int,
+    first: NDArray[np.int64],
+    second: NDArray[np.int64],
+    weight: NDArray[np.float64],
+    divisor: NDArray[np.float64],
+    weakest: float,
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+    """Joins of points to regions: children (J, 2), linkage, across and size (J,), where rounds begin (R + 1,).
+
+    Links (E,) are in the order of their lower and higher points; divisor (count + 1,) is of the smaller region's size.
+    """

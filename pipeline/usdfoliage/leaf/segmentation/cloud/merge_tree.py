@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage import _native
 from usdfoliage.leaf.segmentation.cloud.settings import CloudSegmentationSettings
 from usdfoliage.leaf.segmentation.cloud.working_cloud import WorkingCloud
 
@@ -82,66 +83,27 @@ def merge_points(count: int, links: Links, size_power: float) -> MergeTree:
         links: Between them.
         size_power: Of the size of the smaller region, by which the sum of links is divided.
     """
-    parent = np.full(2 * count, -1, np.int64)
-    children = np.full((2 * count, 2), -1, np.int64)
-    linkage, across = np.zeros(2 * count), np.zeros(2 * count)
-    size_of = np.ones(2 * count, np.int64)
-    node, size = np.arange(count), np.ones(count, np.int64)
-    first, second, weight = links.first, links.second, links.weight
-    rounds = [count]
-    while len(first):
-        strength = weight / np.minimum(size[first], size[second]) ** size_power
-        pairs = _reciprocal_pairs(first, second, strength, len(size))
-        pairs = pairs[strength[pairs] > _WEAKEST]
-        if not len(pairs):
-            break
-        one, two = first[pairs], second[pairs]
-        larger = size[one] >= size[two]
-        one, two = np.where(larger, one, two), np.where(larger, two, one)
-        made = np.arange(rounds[-1], rounds[-1] + len(pairs))
-        rounds.append(rounds[-1] + len(pairs))
-        parent[node[one]] = parent[node[two]] = made
-        children[made] = np.column_stack([node[one], node[two]])
-        linkage[made], across[made] = strength[pairs], weight[pairs]
-        size[one] += size[two]
-        size_of[made] = size[one]
-        node[one] = made
-
-        stays = np.ones(len(size), bool)
-        stays[two] = False
-        number = np.cumsum(stays) - 1
-        number[two] = number[one]
-        size, node = size[stays], node[stays]
-        first, second = number[first], number[second]
-        apart = first != second
-        low, high = np.minimum(first[apart], second[apart]), np.maximum(first[apart], second[apart])
-        key, place = np.unique(low * len(size) + high, return_inverse=True)
-        weight = np.asarray(np.bincount(place, weight[apart], len(key)), np.float64)
-        first, second = np.divmod(key, max(len(size), 1))
-    nodes = rounds[-1]
-    start, order = _arrange(parent[:nodes], children[:nodes], size_of[:nodes], np.array(rounds), count)
+    divisor = np.arange(count + 1, dtype=np.float64) ** size_power
+    joined, strength, weight, size, rounds = _native.merge_regions(
+        count, links.first, links.second, links.weight, divisor, _WEAKEST
+    )
+    nodes = count + len(joined)
+    rounds = rounds + count
+    children = np.concatenate([np.full((count, 2), -1, np.int64), joined])
+    parent = np.full(nodes, -1, np.int64)
+    parent[joined] = np.arange(count, nodes)[:, None]
+    sizes = np.concatenate([np.ones(count, np.int64), size])
+    start, order = _arrange(parent, children, sizes, rounds, count)
     return MergeTree(
-        parent=parent[:nodes],
-        children=children[:nodes],
-        linkage=linkage[:nodes],
-        across=across[:nodes],
-        count=size_of[:nodes],
-        rounds=np.array(rounds),
+        parent=parent,
+        children=children,
+        linkage=np.concatenate([np.zeros(count), strength]),
+        across=np.concatenate([np.zeros(count), weight]),
+        count=sizes,
+        rounds=rounds,
         start=start,
         order=order,
     )
-
-
-def _reciprocal_pairs(
-    first: NDArray[np.int64], second: NDArray[np.int64], strength: NDArray[np.float64], regions: int
-) -> NDArray[np.int64]:
-    """The numbers of the pairs of which each is the strongest of both its regions; of equals the first."""
-    rank = np.empty(len(first), np.int64)
-    rank[np.argsort(-strength, kind="stable")] = np.arange(len(first))
-    best = np.full(regions, len(first), np.int64)
-    np.minimum.at(best, first, rank)
-    np.minimum.at(best, second, rank)
-    return np.flatnonzero((best[first] == rank) & (best[second] == rank))
 
 
 def _arrange(
