@@ -543,6 +543,14 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="Green parts hang over the edge of what the plant stands on.",
                 action="Nothing, if they are the plant's.",
             ),
+            "isolation-other-plant": RemarkKind(
+                severity="warning",
+                meaning="Another plant stands in the photographs, and is left out.",
+                action=(
+                    "Look whether it is the right one that was taken. Else give masks of the plant, or photographs "
+                    "that are aimed at it."
+                ),
+            ),
             "photographs-without-plant": RemarkKind(
                 severity="info",
                 meaning="Nothing of the plant is seen in these photographs.",

@@ -134,6 +134,18 @@ def test_a_wall_behind_a_plant_is_left_out() -> None:
     assert kept(scene, found, "plant") > 0.97
 
 
+@pytest.mark.parametrize(("color", "away_m", "remarked"), [(LEAF, 0.75, True), (CLOTH, 0.75, False), (LEAF, 2, False)])
+def test_another_plant_among_the_cameras_is_left_out_with_a_remark(color, away_m, remarked) -> None:
+    scene = Scene()
+    scene.floor(3)
+    scene.shell((0, 0.35, 0), 0.3)
+    scene.shell((-away_m, 0.35, 0), 0.2, name="other", color=color)
+    found = isolate(scene, distance_m=1.1)
+    assert kept(scene, found, "other") < 0.01
+    assert kept(scene, found, "plant") > 0.97
+    assert ("isolation-other-plant" in [each.code for each in found.remarks]) == remarked
+
+
 def test_what_is_not_wanted_is_not_done() -> None:
     scene = potted_plant()
     found = isolate(scene, floor=False, container=False, outliers=False)

@@ -20,6 +20,7 @@ _MAX_POINTS = 3_000_000  # that the floor is looked for in, evenly chosen
 _COLOR_CELLS = 1.5  # fine cells, width in which colours are taken together: single pixels of soil may be green
 _DIM = 0.05  # of white: about as dark, soil in the shade is of any hue
 _FEW = 200  # points, about which nothing is known
+_ANOTHER = 0.25  # of the plant's green cells: so many in one piece beside it are another plant
 _SPREAD = (0.02, 0.98)  # quantiles that a cloud without focus is measured between
 
 
@@ -137,10 +138,17 @@ def isolate_plant(
         of_plant = find_plant_pieces(cells_m, None if support is None else over_m, focus, settings.pieces)
         if support is not None:
             of_plant[of_plant] = ~find_lying(cells_m[of_plant], over_m[of_plant], support.layer_m, settings.lying)
+        excess = _smooth_excess(colors[left], number_cells(points_m[left], _COLOR_CELLS * cell_m))
         if settings.outliers:
             kind[left[~of_plant[cell]]] = PointKind.OUTLIER
+            share = _share_of_another(cells_m, over_m, excess[first] > MIN_EXCESS, of_plant, focus, settings.pieces)
+            if share > _ANOTHER:
+                text = (
+                    f"another plant, {share:.0%} as large in the cloud, stands in the photographs and is left out; "
+                    "what the photographs are aimed at is taken for the plant"
+                )
+                remarks.append(remark("isolation-other-plant", text))
         if settings.container:
-            excess = _smooth_excess(colors[left], number_cells(points_m[left], _COLOR_CELLS * cell_m))
             search = find_container(cells_m[of_plant], over_m[of_plant], excess[first][of_plant], settings.pot)
             container = search.container
             if search.remark is not None:
@@ -168,6 +176,27 @@ def isolate_plant(
             np.maximum.at(top_m, piece, heights_m[left])
             kind[left[top_m[piece] < container.soil_m]] = PointKind.CONTAINER
     return IsolatedPlant(kind=kind, focus=focus, support=support, container=container, remarks=tuple(remarks))
+
+
+def _share_of_another(
+    cells_m: NDArray[np.float64],
+    heights_m: NDArray[np.float64],
+    green: NDArray[np.bool_],
+    of_plant: NDArray[np.bool_],
+    focus: Focus,
+    settings: PieceSettings,
+) -> float:
+    """How many cells (N, 3) the largest other plant has among the cameras, relative to those of the plant; 0 for none.
+
+    Behind the cameras, hedges and other trees stand in most photographs.
+    """
+    scale_m = focus.distance_m
+    aside_m = np.hypot(*(cells_m - focus.place_m)[:, [0, 2]].T)
+    other = green & ~of_plant & (aside_m < scale_m) & (heights_m > settings.low * scale_m)
+    own = int(np.count_nonzero(green & of_plant))
+    if not own or not other.any():
+        return 0.0
+    return float(np.bincount(touching_parts(cells_m[other], settings.gap * scale_m)).max()) / own
 
 
 def _find_hanging(
