@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from usdfoliage.capture.cloud_files.ply import read_cloud
 from usdfoliage.capture.folder.map_files import read_confidence_map, read_normal_map
 from usdfoliage.capture.folder.read import read_capture, read_views
+from usdfoliage.capture.mvs.view_depths import widen_mask
 from usdfoliage.capture.poses.result import Registered, RegisteredPhoto, Unregistered
 from usdfoliage.capture.poses.world_frame import level_and_scale
 from usdfoliage.cli import capture as command
@@ -278,15 +279,17 @@ def test_unreadable_photographs_are_skipped_and_named(bed, capsys):
     assert len(read_views(read_capture(bed)).views) == 3
 
 
-def test_depth_is_only_where_the_masks_are_white(bed, capsys):
+def test_depth_is_only_where_the_masks_are_white_and_just_around(bed, capsys):
     leaf_masks = {name: leaf for name, (_, leaf) in true_depths().items()}
     (bed / "masks").mkdir()
     for name, leaf in leaf_masks.items():
         assert cv2.imwrite(str(bed / "masks" / name), leaf.astype(np.uint8) * 255)
     printed(capsys, *words(bed))
     for view, leaf in zip(read_views(read_capture(bed)).views, leaf_masks.values(), strict=True):
-        assert not (view.depth_m[~leaf] > 0).any()
+        assert not (view.depth_m[~widen_mask(leaf)] > 0).any()
         assert np.mean(view.depth_m[leaf] > 0) > 0.6
+    cloud = read_cloud(bed / "cloud.ply")
+    assert np.mean(np.abs(cloud.points_m[:, 2]) < 0.02) < 0.05  # next to nothing of the ground around the leaves
     printed(capsys, *words(bed, "--mask", "none"))
     assert all(np.mean(view.depth_m > 0) > 0.35 for view in read_views(read_capture(bed)).views)
 

@@ -7,7 +7,12 @@ import pytest
 from usdfoliage.capture.clear_sky import ClearSkySettings
 from usdfoliage.capture.mvs.patch_match import PatchMatchSettings
 from usdfoliage.capture.mvs.rounds import MvsSettings, Round, estimate_depths
-from usdfoliage.capture.mvs.view_depths import PhotographDepthSettings, estimate_view_depths, view_to_match
+from usdfoliage.capture.mvs.view_depths import (
+    MASK_MARGIN_PX,
+    PhotographDepthSettings,
+    estimate_view_depths,
+    view_to_match,
+)
 from usdfoliage.errors import CaptureError
 
 from tests.support.stereo_pictures import CAMERAS, STEP, camera, draw, inside
@@ -69,12 +74,12 @@ def test_a_reduced_photograph_has_depth_at_its_own_size(views):
     assert np.median(np.abs(seen.depth_m / views[0].depth_m - 1)[kept]) < 0.015
 
 
-def test_nothing_is_found_outside_a_mask(views):
+def test_nothing_is_found_outside_a_mask_and_its_margin(views):
     left = np.zeros(views[0].depth_m.shape, bool)
     left[:, :48] = True
     masked = [replace(view, mask=left) for view in views]
     for view in estimate_view_depths(masked, UP, POINTS_M, SETTINGS).views:
-        assert not view.depth_m[~left].any()
+        assert not view.depth_m[:, 48 + MASK_MARGIN_PX :].any()
     unmasked = estimate_view_depths(masked, UP, POINTS_M, replace(SETTINGS, mask="none")).views[0]
     assert unmasked.depth_m[~left].any()
     assert np.array_equal(unmasked.mask, left)  # who looks for leaves sees the mask nevertheless

@@ -25,13 +25,15 @@ logger = logging.getLogger(__name__)
 
 MaskChoice = Literal["auto", "given", "none"]
 
+MASK_MARGIN_PX = 16  # around a mask, of the photograph as it is matched: about the window of the coarsest round
+
 
 @dataclass(frozen=True, kw_only=True)
 class PhotographDepthSettings:
     """How depth is computed from photographs."""
 
-    # given uses the masks of the folder masks/ alone; auto also leaves out the sky where a photograph has no mask;
-    # none uses no mask.
+    # given uses the masks of the folder masks/ and a margin around them; auto also leaves out the sky where a
+    # photograph has no mask; none uses no mask.
     mask: MaskChoice = "auto"
     sky: ClearSkySettings = field(default_factory=ClearSkySettings)
     depth: MvsSettings = field(default_factory=MvsSettings)
@@ -68,6 +70,16 @@ def view_to_match(view: View, max_side_px: int, sky: ClearSkySettings | None, up
     return View(name=view.name, camera=small.camera, srgb=small.srgb, depth_m=no_depth, mask=mask)
 
 
+def widen_mask(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where depth is looked for of a plant's mask (H, W): on the plant and MASK_MARGIN_PX around it.
+
+    What is behind an edge shows where the edge is. Where depth ended with the mask, 8 of 100 leaves fewer were found,
+    and 6 of 100 more of those that were found were wrong (tools/bench/bad_captures.py --kinds good "good masks").
+    """
+    around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * MASK_MARGIN_PX + 1,) * 2)
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), around) > 0)
+
+
 def estimate_view_depths(
     views: Sequence[View],
     up: NDArray[np.floating],
@@ -83,7 +95,7 @@ def estimate_view_depths(
     matched (capture.depth.max_side_px), which is less than the views themselves where photographs are larger.
 
     Args:
-        views: At least two; their depth is not looked at. Pixels outside a view's mask get no depth.
+        views: At least two; their depth is not looked at. Pixels outside a view's mask, widened, get no depth.
         up: (3,), of the world, of length 1.
         points_m: (N, 3), points of the scene, which give the range of depths; without them the cameras do.
         settings: Which pixels count, and how thoroughly they are matched.
@@ -102,7 +114,8 @@ def estimate_view_depths(
 
     def prepare(view: View) -> View:
         given = view if settings.mask != "none" else replace(view, mask=None)
-        return view_to_match(given, settings.depth.max_side_px, settings.sky_left_out, up)
+        small = view_to_match(given, settings.depth.max_side_px, settings.sky_left_out, up)
+        return small if given.mask is None or small.mask is None else replace(small, mask=widen_mask(small.mask))
 
     matched = list(map_threaded(prepare, views, threads=at_once))
     parts = PartCounter(progress, (len(settings.depth.rounds) + 1) * len(views))

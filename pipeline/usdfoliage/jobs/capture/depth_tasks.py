@@ -27,7 +27,7 @@ from usdfoliage.capture.mvs.colmap_stereo import read_stereo_planes, run_stereo,
 from usdfoliage.capture.mvs.packed_planes import PackedPlanes, pack_planes, unpack_planes
 from usdfoliage.capture.mvs.patch_match import MatchedPlanes, Picture
 from usdfoliage.capture.mvs.rounds import DepthPlan, MvsSettings, finish_depth, match_round, plan_depths
-from usdfoliage.capture.mvs.view_depths import view_to_match
+from usdfoliage.capture.mvs.view_depths import MASK_MARGIN_PX, view_to_match, widen_mask
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import digest_file
@@ -206,7 +206,7 @@ def _picture_key(
     capture: Capture, chosen: CaptureView, photo: str, max_side_px: int, sky: ClearSkySettings | None
 ) -> str:
     seen_up = None if sky is None else chosen.cam_from_world[:, :3] @ capture.up
-    mask = (sky, seen_up) if chosen.mask is None else digest_file(chosen.mask)
+    mask = (sky, seen_up) if chosen.mask is None else (digest_file(chosen.mask), MASK_MARGIN_PX)
     return task_key("photo", photo, mask, chosen.lens, capture.settings.color_space, max_side_px)
 
 
@@ -223,6 +223,7 @@ def _read_picture(capture: Capture, index: int, max_side_px: int, sky: ClearSkyS
     }
     if small.mask is not None:
         stored["mask"] = small.mask
+        stored["given"] = np.array(view.mask is not None)
     return stored
 
 
@@ -371,8 +372,8 @@ def forget_others(tasks: DepthTasks) -> None:
     forget(tasks.work / PLANES, [path for path in tasks.planes[-1] if path is not None])
 
 
-def read_pixels(prepared: PreparedView) -> View:
-    """A photograph as it is matched.
+def read_pixels(prepared: PreparedView, *, widened: bool = True) -> View:
+    """A photograph as it is matched, its given mask widened or not.
 
     Raises:
         CaptureError: What was kept of it has been damaged since.
@@ -380,12 +381,13 @@ def read_pixels(prepared: PreparedView) -> View:
     stored = _need(prepared.pixels)
     srgb = cast(NDArray[np.uint8], stored["srgb"])
     size = srgb.shape[:2]
+    mask = cast("NDArray[np.bool_] | None", stored.get("mask"))
     return View(
         name=prepared.name,
         camera=prepared.camera.resized(size[1], size[0]),
         srgb=srgb,
         depth_m=np.broadcast_to(np.float32(0), size),
-        mask=cast("NDArray[np.bool_] | None", stored.get("mask")),
+        mask=mask if mask is None or not widened or not stored["given"] else widen_mask(mask),
     )
 
 
@@ -410,22 +412,23 @@ def read_estimate(tasks: DepthTasks, index: int) -> DepthEstimate | None:
 
 
 def picture_of(tasks: DepthTasks, index: int) -> Picture:
-    """The photograph at the size of its depth."""
-    return Picture.of(read_pixels(tasks.views[index]), tasks.settings.max_side_px, tasks.level)
+    """The photograph at the size of its depth, and its mask."""
+    return Picture.of(read_pixels(tasks.views[index], widened=False), tasks.settings.max_side_px, tasks.level)
 
 
 def seen_surfaces(tasks: DepthTasks, progress: Progress | None = None, *, threads: int = 0) -> Iterator[SeenSurface]:
-    """What each view adds to the cloud, one after the other."""
+    """What each view adds to the cloud, one after the other: what its mask shows."""
 
     def read(index: int) -> SeenSurface | None:
         estimate = read_estimate(tasks, index)
         if estimate is None:
             return None
+        picture = picture_of(tasks, index)
         return SeenSurface(
             camera=estimate.camera,
-            depth_m=estimate.depth_m,
+            depth_m=estimate.depth_m if picture.mask is None else estimate.depth_m * (picture.mask > 0),
             normals=in_world(estimate.normals, estimate.camera),
-            srgb=picture_of(tasks, index).srgb,
+            srgb=picture.srgb,
             confidence=estimate.confidence,
             agreeing=estimate.agreeing,
         )
