@@ -20,7 +20,7 @@ from usdfoliage.jobs.plant.settings import BuildSettings, PictureStageSettings
 from usdfoliage.jobs.plant.stages.assemble import assemble_asset, describe_guessed_leaves
 from usdfoliage.jobs.plant.stages.foliage import ChosenFoliage
 from usdfoliage.jobs.plant.stages.models import read_captured_leaves
-from usdfoliage.jobs.plant.summary import read_summary
+from usdfoliage.jobs.plant.summary import StageSummary, read_summary, write_summary
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.model_file import LeavesModel, write_leaves_model
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
@@ -40,14 +40,27 @@ def points_on(leaves: Leaves) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("away", "with_crown", "overlap", "lod"),
-    [(9, True, 0.8, "crown"), (1, True, 0.8, "leaves"), (9, False, 0.0, "leaves"), (9, True, 0.1, "leaves")],
+    ("away", "with_crown", "overlap", "confidence", "lod"),
+    [
+        (9, True, 0.8, 0.9, "crown"),
+        (1, True, 0.8, 0.9, "leaves"),
+        (1, True, 0.8, 0.3, "crown"),
+        (1, False, 0.0, 0.3, "leaves"),
+        (9, False, 0.0, 0.9, "leaves"),
+        (9, True, 0.1, 0.9, "leaves"),
+    ],
 )
-def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_path, away, with_crown, overlap, lod):
+def test_leaves_that_cover_little_or_are_wrong_do_not_stand_for_the_plant(
+    tmp_path, away, with_crown, overlap, confidence, lod
+):
     results = {name: tmp_path / name for name in ("isolation", "leaves", "crown")}
     write_leaves_model(
-        results["leaves"] / "leaves.npz", LeavesModel(leaves=two_leaves(), asset_from_capture=LEAVES_FROM_CAPTURE)
+        results["leaves"] / "leaves.npz",
+        LeavesModel(
+            leaves=replace(two_leaves(), confidence=np.full(2, confidence)), asset_from_capture=LEAVES_FROM_CAPTURE
+        ),
     )
+    write_summary(results["leaves"], StageSummary(rows=[], remarks=[]))
     captured = read_captured_leaves(results["leaves"])
     assert captured is not None
     # The leaves' own points, and `away` times as many that are of nothing found.
@@ -88,6 +101,10 @@ def test_leaves_that_cover_little_of_the_cloud_do_not_stand_for_the_plant(tmp_pa
     assert len(coverage_warnings) == (away > 1)
     has_crown = with_crown and overlap > 0.5
     assert any("lod crown" in warning for warning in coverage_warnings) == (has_crown and away > 1)
+    (guessed,) = (
+        [each for each in summary.remarks if each.code == "plant-leaves-guessed"] if confidence < 0.5 else [None]
+    )
+    assert guessed is None or ("the lod crown is shown" in guessed.text) == has_crown
     assert any("crown is left out" in warning for warning in summary.warning_texts()) == (with_crown and not has_crown)
     assert ("crown" in stage.GetDefaultPrim().GetVariantSet("lod").GetVariantNames()) == has_crown
 

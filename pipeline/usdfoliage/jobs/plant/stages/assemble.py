@@ -101,11 +101,14 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             "branches, or it shows more than one plant"
         )
         remarks.append(remark("plant-reaches-little", text))
+    # Leaves that stand where they were found, and most of which are wrong.
+    wrong = chosen.kind == "captured" and chosen.found is not None and bool(describe_low_confidence(chosen.found))
     guessed = describe_guessed_leaves(chosen)
     of_leaves = read_summary(call.result_of(LEAVES)).remarks if guessed else ()
     if guessed and not any(each.code == "leaves-guessed" and each.text == guessed for each in of_leaves):
         small = [each.text for each in of_leaves if each.code == "leaves-small"]
-        remarks.append(remark("plant-leaves-guessed", "; ".join([guessed, *small])))
+        instead = ["the lod crown is shown"] if wrong and crown is not None else []
+        remarks.append(remark("plant-leaves-guessed", "; ".join([guessed, *instead, *small])))
     undrawn: list[Remark] = []
     written: list[AssetShape] = []
     with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:
@@ -134,7 +137,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             settings=PlantAssetSettings(
                 crown_mesh_size=call.settings.crown.mesh_size,
                 version=call.settings.plant.version,
-                lod="crown" if few or little else None,
+                lod="crown" if few or little or wrong else None,
             ),
             thumbnail=draw,
         )
