@@ -38,7 +38,7 @@ def evaluate(shell: str, script: str, before: dict[str, str]) -> dict[str, str]:
 
 def shells() -> list[tuple[str, str]]:
     """(shell, syntax) of those that this machine has."""
-    known = {"sh": "sh", "dash": "sh", "bash": "sh", "zsh": "sh", "csh": "csh", "tcsh": "csh"}
+    known = {"sh": "sh", "dash": "sh", "bash": "sh", "zsh": "sh", "csh": "csh", "tcsh": "csh", "fish": "fish"}
     return [(path, syntax) for name, syntax in known.items() if (path := shutil.which(name))]
 
 
@@ -69,6 +69,13 @@ def test_quoting_and_earlier_values_of_the_variables(shell: str, syntax: str) ->
     assert evaluate(shell, script, {"PXR_PLUGINPATH_NAME": ""})["PXR_PLUGINPATH_NAME"] == joined
     old = "/one of mine:/another"
     assert evaluate(shell, script, {"PXR_PLUGINPATH_NAME": old})["PXR_PLUGINPATH_NAME"] == f"{joined}{os.pathsep}{old}"
+
+
+def test_fish_text() -> None:
+    assert env.format_fish({"PYTHONPATH": ["/a b", "/it's \\ here"]}) == (
+        'if test -n "$PYTHONPATH"; set -gx PYTHONPATH \'/a b:/it\\\'s \\\\ here:\'"$PYTHONPATH"; '
+        "else; set -gx PYTHONPATH '/a b:/it\\'s \\\\ here'; end"
+    )
 
 
 def test_csh_and_powershell_text(capsys: pytest.CaptureFixture[str]) -> None:

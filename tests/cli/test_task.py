@@ -204,6 +204,18 @@ def test_openjd_makes_what_a_build_makes(folder, options):
     assert digests(folder / "openjd" / "plant") == digests(folder / "built" / "plant")
 
 
+def test_a_template_is_json_where_its_name_ends_so(folder):
+    template, _ = submit(folder)
+    words = ["submit", folder / "capture", "-o", folder / "openjd" / "plant", "--plan", folder / "plan.toml"]
+    as_json = template.with_name("job.json")
+    assert run(*words, "--template", as_json, "--executable", USDFOLIAGE) == 0
+    values = as_json.with_name("job.parameters.json")
+    assert json.loads(as_json.read_text()) == yaml.safe_load(template.read_text())
+    assert json.loads(values.read_text()) == yaml.safe_load(template.with_name("job.parameters.yaml").read_text())
+    checked = subprocess.run([OPENJD, "check", as_json], capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stderr
+
+
 @pytest.mark.parametrize("left_kb", [0, 4, 20, 24, 32])
 def test_a_template_and_a_bundle_appear_together_or_not_at_all(folder, small_disk, capsys, left_kb):
     with (small_disk / "filling").open("wb") as file:

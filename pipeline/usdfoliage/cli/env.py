@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 
 from usdfoliage.files.write_gate import Access
 
-SHELLS = ("sh", "csh", "powershell", "json")
+SHELLS = ("sh", "csh", "fish", "powershell", "json")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,6 +62,16 @@ def format_csh(variables: Mapping[str, list[str]]) -> str:
     return "\n".join(lines)
 
 
+def format_fish(variables: Mapping[str, list[str]]) -> str:
+    """Settings for fish, as in usdfoliage env --shell fish | source."""
+    lines = []
+    for name, folders in variables.items():
+        joined = os.pathsep.join(folders).replace("\\", "\\\\").replace("'", "\\'")
+        before = f"set -gx {name} '{joined}{os.pathsep}'\"${name}\""
+        lines.append(f"if test -n \"${name}\"; {before}; else; set -gx {name} '{joined}'; end")
+    return "\n".join(lines)
+
+
 def format_powershell(variables: Mapping[str, list[str]]) -> str:
     """Settings for PowerShell."""
     lines = []
@@ -80,6 +90,7 @@ def format_json(variables: Mapping[str, list[str]]) -> str:
 FORMATS: Mapping[str, Callable[[Mapping[str, list[str]]], str]] = {
     "sh": format_sh,
     "csh": format_csh,
+    "fish": format_fish,
     "powershell": format_powershell,
     "json": format_json,
 }

@@ -48,7 +48,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--template",
         metavar="JOB.yaml",
         type=Path,
-        help="The job template is written to this file, and the values of its parameters beside it.",
+        help=(
+            "The job template is written to this file, and the values of its parameters beside it: as JSON where the "
+            "file's name ends in .json, else as YAML."
+        ),
     )
     files.add_argument("--bundle", metavar="FOLDER", type=Path, help="A job bundle is written to this folder.")
     add_work(files)

@@ -5,6 +5,7 @@ Source:
     developer guide, Job bundles.
 """
 
+import json
 from pathlib import Path
 
 import yaml
@@ -45,6 +46,7 @@ _HEAVY = (
     COMPARISONS,
     VARIANTS,
 )
+_JSON = ".json"
 _MIN_MEMORY_MIB = 2048
 _FORCE = Argument(name="force")
 _SHORTEST_TIMEOUT_S = 3600
@@ -80,7 +82,7 @@ def make_template(job: FarmJob) -> dict[str, object]:
 
 def values_file(template: Path) -> Path:
     """The file beside a template that has the values of its parameters."""
-    return template.with_name(f"{template.stem}.parameters.yaml")
+    return template.with_name(f"{template.stem}.parameters{_JSON if template.suffix.lower() == _JSON else '.yaml'}")
 
 
 def write_job(job: FarmJob, *, template: Path | None = None, bundle: Path | None = None, force: bool = False) -> None:
@@ -88,7 +90,8 @@ def write_job(job: FarmJob, *, template: Path | None = None, bundle: Path | None
 
     Args:
         job: The content.
-        template: The job template; beside it go the values of its parameters, to values_file(template).
+        template: The job template, JSON by that suffix, else YAML; beside it go the values of its parameters, to
+            values_file(template).
         bundle: The folder of a job bundle as AWS Deadline Cloud takes it.
         force: Replace a file that is no job's, and write into a folder that holds something else.
 
@@ -99,7 +102,8 @@ def write_job(job: FarmJob, *, template: Path | None = None, bundle: Path | None
     files = []
     if template is not None:
         _spare(template, force)
-        files += [(values_file(template), _as_yaml(parameter_values(job))), (template, _as_yaml(make_template(job)))]
+        encode = _as_json if template.suffix.lower() == _JSON else _as_yaml
+        files += [(values_file(template), encode(parameter_values(job))), (template, encode(make_template(job)))]
     if bundle is not None:
         _spare_folder(bundle, force)
         files += _bundle_files(bundle, job)
@@ -194,6 +198,10 @@ def _define_step(job: FarmJob, step: Step) -> dict[str, object]:
         },
         "script": {"actions": {"onRun": action}},
     }
+
+
+def _as_json(value: object) -> bytes:
+    return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 def _as_yaml(value: object) -> bytes:
