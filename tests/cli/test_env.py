@@ -96,6 +96,23 @@ def test_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert json.loads(capsys.readouterr().out) == {"PXR_PLUGINPATH_NAME": PLUGINS, "PYTHONPATH": MODULES}
 
 
+@pytest.mark.parametrize(
+    ("version", "announced"), [("26.8", True), ("26.08", True), ("0.26.11", True), ("26.3", False), ("v25.08.1", False)]
+)
+def test_validators_are_announced_where_they_can_load(capsys, version, announced):
+    assert main(["env", "--shell", "json", "--usd", version]) == 0
+    folders = json.loads(capsys.readouterr().out)["PXR_PLUGINPATH_NAME"]
+    assert folders == (PLUGINS if announced else [PLUGINS[0], PLUGINS[2]])
+
+
+@pytest.mark.parametrize("version", ["", "usd", "8", "26.x", "1.2"])
+def test_what_is_no_version_of_usd_is_refused(capsys, version):
+    with pytest.raises(SystemExit) as ended:
+        main(["env", "--usd", version])
+    assert ended.value.code == 2
+    assert "is no version of USD, such as 25.8" in capsys.readouterr().err
+
+
 def installed(tmp_path: Path) -> Path:
     """The folders of an installed package, as the build lays them out."""
     package = tmp_path / "site-packages" / "usdfoliage"

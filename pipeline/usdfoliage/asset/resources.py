@@ -30,9 +30,11 @@ def plugin_folders() -> tuple[Path, ...]:
     return resource_folder("schemas/usdFoliage"), resource_folder("usd_plugins/usdFoliageValidators")
 
 
-def plugin_path_folders() -> tuple[Path, ...]:
-    """The folders that go on PXR_PLUGINPATH_NAME: those, and the plug-in of usdview."""
-    return *plugin_folders(), resource_folder("usd_plugins/usdviewFoliage")
+def plugin_path_folders(*, validators: bool = True) -> tuple[Path, ...]:
+    """The folders that go on PXR_PLUGINPATH_NAME: schemas, the validators or not, and the plug-in of usdview."""
+    schemas, checks = plugin_folders()
+    usdview = resource_folder("usd_plugins/usdviewFoliage")
+    return (schemas, checks, usdview) if validators else (schemas, usdview)
 
 
 def python_folders() -> tuple[Path, ...]:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 
 from usdfoliage.files.write_gate import Access
 
+VALIDATORS_SINCE = (26, 8)  # the version of USD that has a way to register validators of Python
 SHELLS = ("sh", "csh", "fish", "powershell", "json")
 
 
@@ -24,6 +25,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=SHELLS[0],
         help="The lines are in the syntax of this shell; the default is %(default)s.",
     )
+    parser.add_argument_group("program").add_argument(
+        "--usd",
+        type=read_version,
+        metavar="VERSION",
+        help=(
+            "The program has this version of USD, such as 25.8. Before 26.8 it cannot load validators of Python, and "
+            "they are left out. Without this option they are announced."
+        ),
+    )
 
 
 def declare(options: argparse.Namespace) -> Access:
@@ -33,12 +43,22 @@ def declare(options: argparse.Namespace) -> Access:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.asset.resources import plugin_path_folders, python_folders
 
+    has_validators = options.usd is None or options.usd >= VALIDATORS_SINCE
     variables = {
-        "PXR_PLUGINPATH_NAME": [str(folder) for folder in plugin_path_folders()],
+        "PXR_PLUGINPATH_NAME": [str(folder) for folder in plugin_path_folders(validators=has_validators)],
         "PYTHONPATH": [str(folder) for folder in python_folders()],
     }
     print(FORMATS[options.shell](variables))
     return 0
+
+
+def read_version(text: str) -> tuple[int, int]:
+    """Year and month of a version of USD: 25.08, 25.8 and 0.25.8 are the same."""
+    numbers = [int(part) if part.isdecimal() else -1 for part in text.removeprefix("v").split(".")]
+    numbers = numbers[1:] if numbers[0] == 0 else numbers
+    if not 2 <= len(numbers) <= 3 or min(numbers) < 0 or numbers[0] < 19:
+        raise argparse.ArgumentTypeError(f"{text!r} is no version of USD, such as 25.8")
+    return numbers[0], numbers[1]
 
 
 def format_sh(variables: Mapping[str, list[str]]) -> str:

@@ -107,8 +107,8 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     of_leaves = read_summary(call.result_of(LEAVES)).remarks if guessed else ()
     if guessed and not any(each.code == "leaves-guessed" and each.text == guessed for each in of_leaves):
         small = [each.text for each in of_leaves if each.code == "leaves-small"]
-        instead = ["the lod crown is shown"] if wrong and crown is not None else []
-        remarks.append(remark("plant-leaves-guessed", "; ".join([guessed, *instead, *small])))
+        first = ["the lod crown is shown"] if wrong and crown is not None else []
+        remarks.append(remark("plant-leaves-guessed", "; ".join([guessed, *first, *small])))
     undrawn: list[Remark] = []
     written: list[AssetShape] = []
     with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:
