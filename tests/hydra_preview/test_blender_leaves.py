@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 from usdfoliage.asset.packages.leaf_package import write_leaf_asset
+from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.preview.recorder import find_interpreter
@@ -40,7 +41,21 @@ def shots(tmp_path_factory):
         prim.GetVariantSet("representation").SetVariantSelection(representation)
         shot.Save()
         written[representation] = Path(shot.GetRootLayer().realPath)
+    written["textured"] = write_textured(folder.parent / "textured")
     return written
+
+
+def write_textured(folder):
+    """Three leaves of a picture that is green where a leaf is opaque."""
+    folder.mkdir()
+    picture = np.zeros((32, 32, 4), np.uint8)
+    picture[4:-4] = (40, 120, 60, 255)
+    assert cv2.imwrite(str(folder.parent / "leaf.png"), picture)
+    appearance = LeafAppearance(texture=folder.parent / "leaf.png")
+    leaves = scatter_spray(3, np.random.default_rng(4))
+    provenance = Provenance(capture="", generator="test", seed=4, input_sha256="")
+    settings = LeafAssetSettings(representations=("mesh",))
+    return write_leaf_asset(folder, "textured", leaves, provenance, settings, appearance=appearance)
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +94,14 @@ def test_one_mesh_of_all_leaves_arrives(shots, blender, representation):
     assert_same_bounds(found, [points.min(axis=0), points.max(axis=0)], 1e-3)
 
 
+def test_the_picture_of_a_leaf_is_a_colour_and_its_opacity(blender):
+    """Not data: linear numbers would be lighter greens."""
+    found, _ = blender["textured"]
+    (image,) = found["images"]
+    assert Path(image["file"]).suffix == ".png"
+    assert image["color_space"] == "sRGB"
+
+
 def test_the_instancer_shows_a_mean_leaf_for_every_leaf(shots, blender):
     found, _ = blender["bezier"]
     assert found["instances"] == LEAVES
@@ -94,6 +117,7 @@ def test_the_instancer_shows_a_mean_leaf_for_every_leaf(shots, blender):
 
 
 def test_the_pictures_are_of_the_same_spray(blender):
+    blender = {name: blender[name] for name in REPRESENTATIONS}
     covered = {name: picture[..., 3] > 127 for name, (_, picture) in blender.items()}
     assert covered["mesh"].mean() > 0.03
     # Cages are drawn as they are, instances as mean leaves: similar, not the same.

@@ -136,7 +136,10 @@ def _set_texture(texture: UsdShade.Shader, file: str, color_space: str, wrap: st
 
 @dataclass(frozen=True, kw_only=True)
 class _Texture:
-    """One file, read twice: where it is missing, Storm takes the first number of the fallback for the opacity."""
+    """One file, read twice for Storm's shader: where it is missing, that takes the first number of the fallback for a.
+
+    UsdPreviewSurface reads both of the first: Blender takes the colour of a file for data where a second node reads it.
+    """
 
     color: UsdShade.Shader
     opacity: UsdShade.Shader
@@ -147,6 +150,7 @@ def _author_texture(stage: Usd.Stage, path: Sdf.Path, file: str, fallback: tuple
     _set_texture(color, file, "auto", "clamp")
     color.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*fallback, 1.0))
     color.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    color.CreateOutput("a", Sdf.ValueTypeNames.Float)
     opacity = UsdShade.Shader.Define(stage, path.AppendChild("TextureOpacity"))
     _set_texture(opacity, file, "auto", "clamp")
     opacity.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(1.0))
@@ -170,7 +174,7 @@ def _author_preview_surface(
     else:
         color.ConnectToSource(texture.color.ConnectableAPI(), "rgb")
         opacity = surface.CreateInput("opacity", Sdf.ValueTypeNames.Float)
-        opacity.ConnectToSource(texture.opacity.ConnectableAPI(), "a")
+        opacity.ConnectToSource(texture.color.ConnectableAPI(), "a")
         surface.CreateInput("opacityThreshold", Sdf.ValueTypeNames.Float).Set(0.5)
     surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(leaf.roughness)
     surface.CreateInput("ior", Sdf.ValueTypeNames.Float).Set(_IOR)
