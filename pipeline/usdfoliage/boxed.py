@@ -4,6 +4,7 @@ It is started by its path, `boxed.py PARENT REPORTS NOISE COMMAND …`: the proc
 the words of the command line.
 """
 
+import contextlib
 import os
 import sys
 
@@ -11,8 +12,12 @@ del sys.path[0]  # the folder of this file: its modules have names of others
 _PACKAGES = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, PTH120
 
 
-def main() -> int:
-    """Run the command, with what libraries print by themselves in a pipe of the parent."""
+def main() -> None:
+    """Run the command, with what libraries print by themselves in a pipe of the parent, and end.
+
+    Nothing is taken down: a large stage takes seconds for that, in which the parent would end a child that has printed
+    its result, and print an error below it.
+    """
     parent, reports, noise, words = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4:]
     sys.argv = ["usdfoliage", *words]
     if _PACKAGES not in sys.path:
@@ -30,8 +35,12 @@ def main() -> int:
     from usdfoliage.__main__ import main as run
     from usdfoliage.cli.box import announce
 
-    return run(words, prepare=lambda options: announce(options, reports))
+    code = run(words, prepare=lambda options: announce(options, reports))
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):  # its reader may have left
+            stream.flush()
+    os._exit(code)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

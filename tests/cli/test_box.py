@@ -273,3 +273,21 @@ def test_an_asset_is_named_also_before_the_child_has_begun(tmp_path):
     ended = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
     assert ended.returncode == 2
     assert ended.stderr.startswith(f"error: {asset} was not read within")
+
+
+def test_a_child_that_has_printed_its_result_takes_nothing_down(tmp_path):
+    """A large stage takes seconds for that; a limit or a signal then would put an error below a result."""
+    spray = tmp_path / "spray"
+    assert run("scatter", "-n", 3, "-o", spray) == 0
+    (tmp_path / "sitecustomize.py").write_text(
+        "import atexit, sys, time\n"
+        "if any('boxed.py' in word for word in sys.orig_argv): atexit.register(time.sleep, 90)\n"
+    )
+    paths = os.pathsep.join(filter(None, (str(tmp_path), os.environ.get("PYTHONPATH"))))
+    code, printed, complaints = end("info", spray, PYTHONPATH=paths, USDFOLIAGE_TIME_LIMIT_S="60")
+    assert (code, complaints) == (0, "")
+    assert "leaves" in printed
+    code, printed, complaints = end(
+        "info", tmp_path / "sitecustomize.py", PYTHONPATH=paths, USDFOLIAGE_TIME_LIMIT_S="60"
+    )
+    assert (code, printed, complaints.count("error: ")) == (2, "", 1)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation, Vt
 
 from tests.support import plant_stages as stages
 
@@ -34,6 +34,29 @@ VALIDATORS = {
     "AssetCollections",
 }
 ERROR, WARN = UsdValidation.ValidationErrorType.Error, UsdValidation.ValidationErrorType.Warn
+
+
+@pytest.mark.filterwarnings("error")
+def test_numbers_that_are_none_are_no_indices() -> None:
+    from usdFoliageValidators.values import indices, numbers
+
+    stage = Usd.Stage.CreateInMemory()
+    prim = stage.DefinePrim("/a")
+    for name, kind, given in (
+        (
+            "half",
+            Sdf.ValueTypeNames.HalfArray,
+            Vt.HalfArray.FromNumpy(np.array([0x7D01, 0x3C00], np.uint16).view("f2")),
+        ),
+        ("inf", Sdf.ValueTypeNames.DoubleArray, [1.0, float("inf")]),
+        ("whole", Sdf.ValueTypeNames.DoubleArray, [1.0, 3.0]),
+    ):
+        prim.CreateAttribute(name, kind).Set(given)
+    assert numbers(prim, "half") is not None
+    assert indices(prim, "half") is None
+    assert indices(prim, "inf") is None
+    np.testing.assert_array_equal(indices(prim, "whole"), [1, 3])
+
 
 Break = Callable[[Usd.Prim], None]
 

@@ -26,15 +26,18 @@ def numbers(prim: Usd.Prim, name: str, columns: int | None = None) -> NDArray[np
     found = value(prim, name)
     if found is None or isinstance(found, str | Sdf.AssetPath):
         return None
-    array = np.asarray(found)
+    array = np.asarray(found)  # damaged files have numbers that are none
     shape_fits = array.ndim == 1 if columns is None else array.ndim == 2 and array.shape[1] == columns
-    return array.astype(np.float64) if shape_fits and array.dtype.kind in "fiu" else None
+    with np.errstate(invalid="ignore"):
+        return array.astype(np.float64) if shape_fits and array.dtype.kind in "fiu" else None
 
 
 def indices(prim: Usd.Prim, name: str) -> NDArray[np.int64] | None:
     """An attribute int[] as (N,); None where it has no such value."""
     found = numbers(prim, name)
-    return None if found is None or not np.all(found == np.rint(found)) else found.astype(np.int64)
+    if found is None or not np.isfinite(found).all() or (found != np.rint(found)).any():
+        return None
+    return found.astype(np.int64)
 
 
 def tuple_of(prim: Usd.Prim, name: str, length: int) -> NDArray[np.float64] | None:

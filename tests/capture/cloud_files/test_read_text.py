@@ -34,6 +34,15 @@ def test_decimal_commas_and_line_ends(tmp_path, ending, separator):
     np.testing.assert_allclose(cloud.points_m + cloud.origin_m, some_points(), atol=1e-9)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_colour_that_no_float32_holds(tmp_path):
+    colors = some_colors().astype(object)
+    colors[7, 1] = "1e300"
+    write_text(tmp_path / "a.csv", some_points(), colors, ",")
+    cloud = read_cloud_input(tmp_path / "a.csv", METRES)
+    assert len(cloud.points_m) == 200
+
+
 def test_columns_are_found_by_their_names(tmp_path):
     lines = ["id;Red;Z [m];Y [m];X [m];Blue;Green"]
     for number, ((x, y, z), (r, g, b)) in enumerate(zip(some_points(), some_colors(), strict=True)):

@@ -176,7 +176,8 @@ def _read_parts(path: Path, layout: _Layout) -> Iterator[CloudPart]:
                         f"{path}: {bad:,} of the first {found + bad:,} lines are not {max(columns) + 1} numbers",
                         "give a text file with a point x y z a line",
                     )
-                colors = values[:, 3:].astype(np.float32) if layout.color else None
+                with np.errstate(over="ignore"):
+                    colors = values[:, 3:].astype(np.float32) if layout.color else None
                 left_out = ((wrong, "lines that are no points"),) if wrong else ()
                 yield CloudPart(values[:, :3], colors, len(text), left_out)
                 if not block:
