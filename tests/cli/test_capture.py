@@ -294,6 +294,14 @@ def test_depth_is_only_where_the_masks_are_white_and_just_around(bed, capsys):
     assert all(np.mean(view.depth_m > 0) > 0.35 for view in read_views(read_capture(bed)).views)
 
 
+def test_cameras_of_one_photograph_are_refused_by_the_name_of_the_input(bed, tmp_path, capsys):
+    path = bed / "cameras" / "images.txt"
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
+    path.write_text("\n".join(lines[:2]) + "\n")
+    complaint = refused(capsys, *words(bed), "-o", tmp_path / "made")
+    assert f"1 photograph of 1 with a camera in {bed} can be used, and depth takes two at least" in complaint
+
+
 def test_depth_of_the_user_is_kept(bed, made, capsys):
     for name in poses():
         write_depth((bed / "depth" / name).with_suffix(".exr"), np.ones((LENS.height_px, LENS.width_px)))

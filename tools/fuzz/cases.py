@@ -211,6 +211,7 @@ FOUND: tuple[tuple[int, str, int], ...] = (
     (4711, "plants/spray/payload/leaves.usdc", 22),  # a value of a crate that cannot be unpacked, in edit
     (4711, "plants/crown/maps/crown_crown_radius.exr", 1),  # a header that is no Unicode, in validate
     (72, "cloud tree.csv", 13),  # a colour that no float32 holds
+    (73, "binary/cameras/images.bin", 1),  # cameras of one photograph; the message named the output
     (72, "plants/tree/payload/skeleton.usdc", 14),  # numbers that are none, in validate
 )
 

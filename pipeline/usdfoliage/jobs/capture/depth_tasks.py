@@ -122,6 +122,7 @@ def prepare_views(
     masks: bool = True,
     sky: ClearSkySettings | None = None,
     keep: bool = True,
+    named: Path | None = None,
     threads: int = 0,
     progress: Progress | None = None,
 ) -> PreparedViews:
@@ -134,6 +135,7 @@ def prepare_views(
         masks: Whether masks are looked at.
         sky: What is left out of photographs without a mask; None for nothing.
         keep: Whether the work folder gets what is read; without it there are no pixels to go on with.
+        named: The folder that the user knows the photographs by, where it is not the capture's.
         threads: 0: one per core.
         progress: Called with photographs done, and their number.
 
@@ -186,9 +188,9 @@ def prepare_views(
     if len(views) < 2:
         reason = f"; the first that cannot: {dropped[0][1].text}" if dropped else ""
         raise CaptureError(
-            f"{counted(len(views), 'photograph')} of {len(bare.views)} in {capture.folder} can be used, and depth "
-            f"takes two at least{reason}",
-            dropped[0][1].remedy if dropped else (),
+            f"{counted(len(views), 'photograph')} of {len(bare.views)} with a camera in {named or capture.folder} can "
+            f"be used, and depth takes two at least{reason}",
+            dropped[0][1].remedy if dropped else "give cameras of two photographs at least, or none",
         )
     blurred = find_blurred(sharpness)
     checks = [remark_blurred(blurred)] if blurred else []

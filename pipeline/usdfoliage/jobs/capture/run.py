@@ -158,6 +158,7 @@ def make_capture(request: CaptureRequest, progress: StepProgress | None = None) 
                 request.settings.depth.max_side_px,
                 masks=request.settings.mask != "none",
                 sky=request.settings.sky if request.settings.mask == "auto" else None,
+                named=given.source,
                 threads=request.threads,
                 progress=advance,
             )
@@ -274,7 +275,14 @@ def _plan_given(request: CaptureRequest, given: GivenPhotographs) -> str:
     depth = request.settings.depth
     masks, sky = request.settings.mask != "none", request.settings.sky if request.settings.mask == "auto" else None
     prepared = prepare_views(
-        capture, given.work, depth.max_side_px, masks=masks, sky=sky, keep=False, threads=request.threads
+        capture,
+        given.work,
+        depth.max_side_px,
+        masks=masks,
+        sky=sky,
+        keep=False,
+        named=given.source,
+        threads=request.threads,
     )
     tasks = plan_tasks(prepared.views, capture.points_m, depth, given.work, dense=request.settings.dense)
     missing = 0 if request.fresh else len(find_missing(tasks))
