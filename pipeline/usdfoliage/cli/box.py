@@ -108,12 +108,14 @@ def run_in_box(words: Sequence[str], limits: BoxLimits = BoxLimits()) -> int:
 def refuse_harmful(asset: Path, limits: BoxLimits = BoxLimits()) -> None:
     """Let a child open an asset as `info` does, before this process opens it for a command that is in no box.
 
+    The child gets half of the time of the processor: what it takes, this process takes again.
+
     Raises:
         FoliageError: The child took more than its limits, died, or refused the asset.
         KeyboardInterrupt: A signal came that interrupts.
     """
     with tempfile.TemporaryFile() as complaints:
-        ended = _run_child(("info", "--", str(asset)), limits, complaints=complaints)
+        ended = _run_child(("info", "--", str(asset)), limits, complaints=complaints, cpu_share=0.5)
         complaints.seek(0)
         lines = complaints.read(MAX_BYTES).decode(errors="replace").splitlines()
     if ended.received:
@@ -137,13 +139,16 @@ class _Ended:
     noise: Sequence[str]
 
 
-def _run_child(words: Sequence[str], limits: BoxLimits, complaints: IO[bytes] | None = None) -> _Ended:
+def _run_child(
+    words: Sequence[str], limits: BoxLimits, complaints: IO[bytes] | None = None, cpu_share: float = 1.0
+) -> _Ended:
     """Run a command in a child and wait for its end, or end it.
 
     Args:
         words: Of the command line.
         limits: What it may take.
         complaints: Where its stderr goes, without its stdout; None: both are this process's.
+        cpu_share: Of the time of the processor that it may take.
     """
     likely = next(
         (word for word in words[1:] if os.path.lexists(word)), ""
@@ -164,7 +169,7 @@ def _run_child(words: Sequence[str], limits: BoxLimits, complaints: IO[bytes] | 
         )
     for pipe in (report_in, noise_in):
         os.close(pipe)
-    watched = _Watched(process=child, reports=report_out, noise=noise_out, allowed=allowed)
+    watched = _Watched(process=child, reports=report_out, noise=noise_out, allowed=allowed, cpu_share=cpu_share)
     with _forwarded_signals(child.pid) as received:
         reason = watched.wait()
     for pipe in (report_out, noise_out):
@@ -277,8 +282,11 @@ def _forwarded_signals(group: int) -> Iterator[set[int]]:
 class _Watched:
     """A child that runs: what it reports, what its libraries print, and what it takes."""
 
-    def __init__(self, *, process: subprocess.Popen[bytes], reports: int, noise: int, allowed: Allowance) -> None:
+    def __init__(
+        self, *, process: subprocess.Popen[bytes], reports: int, noise: int, allowed: Allowance, cpu_share: float
+    ) -> None:
         self.allowed = allowed
+        self._cpu_share = cpu_share
         self._process, self._reports, self._noise_pipe = process, reports, noise
         self._noise = b""
         self._started = time.monotonic()
@@ -334,8 +342,8 @@ class _Watched:
         limit = ""
         if not self._draws and time.monotonic() - self._started > allowed.seconds:
             limit, stated = f"{name} was not read within {allowed.seconds:.0f} s", f"{TIME_VARIABLE} to more seconds"
-        elif not self._draws and used.cpu_s > allowed.cpu_s:
-            limit = f"{name} takes more than {allowed.cpu_s:.0f} s of the processor to read"
+        elif not self._draws and used.cpu_s > self._cpu_share * allowed.cpu_s:
+            limit = f"{name} takes more than {self._cpu_share * allowed.cpu_s:.0f} s of the processor to read"
             stated = f"{WORK_VARIABLE} to more seconds"
         elif used.memory_bytes > allowed.memory_bytes:
             limit = f"{name} takes more than {allowed.memory_bytes / _GIB:.1f} GiB of memory to read"

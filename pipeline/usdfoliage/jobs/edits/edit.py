@@ -83,7 +83,7 @@ def plan_look(request: EditRequest) -> PlannedLook:
             else (before.jitter_amplitude, before.jitter_frequency)
         ),
     )
-    _check_range(after)
+    _check_range(after, request.asset)
     check_look_output(request.output, interface, force=request.force)
     changes = tuple(
         Change(name=name, before=getattr(before, name), after=value)
@@ -125,12 +125,12 @@ def _check_jitter(edits: LeafEdits, segments: int | None) -> list[Remark]:
     return [remark("jitter-finer-than-mesh", text)]
 
 
-def _check_range(edits: LeafEdits) -> None:
+def _check_range(edits: LeafEdits, asset: Path) -> None:
     for name, value in changed_edits(edits).items():
         if np.abs(value).max() > MAX_NUMBER:
             raise FoliageError(
-                f"{name} would be {show_value(value)}, {MAX_NUMBER:g} is the most; "
-                "numbers are leaf lengths, most often below 1"
+                f"{name} of {asset} would be {show_value(value)}, {MAX_NUMBER:g} is the most",
+                "numbers are leaf lengths, most often below 1",
             )
 
 

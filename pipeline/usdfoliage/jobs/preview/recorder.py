@@ -99,7 +99,7 @@ def run_recorder(
     text = complaints_file.read_text(encoding="utf-8", errors="replace")
     result = read_result(result_file)
     if result is None:
-        raise PreviewError(describe_crash(process.returncode, text, python))
+        raise PreviewError(describe_crash(process.returncode, text, python, request["usd_file"]))
     faults, warnings = sort_complaints(text)
     if "error" in result:
         kind, message = result["error"]["kind"], result["error"]["message"]
@@ -209,8 +209,8 @@ def describe_refusal(kind: str, message: str, usd_file: str) -> str:
     return f"{message} ({usd_file})"
 
 
-def describe_crash(code: int, complaints: str, python: Path) -> str:
-    """An interpreter that ended without a result, with its last output."""
+def describe_crash(code: int, complaints: str, python: Path, usd_file: str = "") -> str:
+    """An interpreter that ended without a result, with what it drew and its last output."""
     if code < 0:
         ended = f"was ended by {signal.Signals(-code).name}"
     else:
@@ -218,6 +218,6 @@ def describe_crash(code: int, complaints: str, python: Path) -> str:
     lines = [line.strip() for line in complaints.splitlines() if line.strip()]
     last = f"; its last words: {lines[-1]}" if lines else ""
     return (
-        f"the preview interpreter {ended} without a result{last} ({python}); "
+        f"{usd_file}{': ' if usd_file else ''}the preview interpreter {ended} without a result{last} ({python}); "
         f"try another in {INTERPRETER_VARIABLE}, or `make setup`"
     )
