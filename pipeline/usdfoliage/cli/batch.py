@@ -61,6 +61,7 @@ def declare(options: argparse.Namespace) -> Access:
     from usdfoliage.jobs.plant.library import read_library
     from usdfoliage.jobs.plant.work_folder import find_work_folder
 
+    options.listed = read_library(options.list)  # what is declared is what is built, should the list change meanwhile
     work = find_work_folder(options.work, options.output / "plant")
     plants = [
         Access(
@@ -68,7 +69,7 @@ def declare(options: argparse.Namespace) -> Access:
             replaces=(options.output / entry.name,),
             fills=(work,),
         )
-        for entry in read_library(options.list).entries
+        for entry in options.listed.entries
     ]
     own = given(None if options.list.is_dir() else options.list, options.plan, options.profile)
     return join_access([Access(reads=own), *plants])
@@ -80,13 +81,13 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.options.build import read_where
     from usdfoliage.cli.plant_progress import PlantBar
     from usdfoliage.cli.plant_results import EXIT_CODES, list_plant
-    from usdfoliage.jobs.plant.library import LibraryIndex, describe_built, read_library
+    from usdfoliage.jobs.plant.library import LibraryIndex, describe_built
     from usdfoliage.jobs.plant.run import build_plants
 
     handle_interrupts()
     render = render_for("batch")
     where = read_where(options)
-    listed = read_library(options.list)
+    listed = options.listed
     requests, failed = _read_requests(options, listed)
     if options.dry_run:
         return _print_plans(requests, failed)
