@@ -42,10 +42,9 @@ class PicturedPlant:
     capture: str  # in the data: photographs and cameras; nothing else of it is used
     photograph: str  # its name
     is_beside: bool = False  # whether the photograph is in a capture beside that one, in the same frame
-    hold_back: int = 0  # every N-th photograph is withheld in the build, and that photograph is one of them
 
 
-ROWS = (
+ROWS: tuple[tuple[PicturedPlant | Path, ...], ...] = (  # a path: a pair that was drawn before
     (
         PicturedPlant(
             name="basil",
@@ -53,7 +52,7 @@ ROWS = (
             is_beside=True,
             photograph="00024_rgb.jpg",
         ),
-        PicturedPlant(name="arabidopsis", capture="mv-arabidopsis", photograph="", hold_back=6),
+        Path("docs/arabidopsis.jpg"),  # of cameras that the data has in a format of its robot's
     ),
     (
         PicturedPlant(name="pot", capture="synthetic/pot", photograph="004.jpg"),
@@ -70,7 +69,12 @@ def main() -> int:
     arguments = parser.parse_args()
     rows = []
     for plants in ROWS:
-        pairs = [draw_pair(plant, arguments.data, arguments.builds / plant.name) for plant in plants]
+        pairs = [
+            [fit_height(cv2.imread(str(plant))[..., ::-1])]
+            if isinstance(plant, Path)
+            else draw_pair(plant, arguments.data, arguments.builds / plant.name)
+            for plant in plants
+        ]
         rows.append(np.hstack([picture for pair in pairs for picture in pair]))
     width = max(row.shape[1] for row in rows)
     rows = [cv2.resize(row, (width, round(row.shape[0] * width / row.shape[1]))) for row in rows]
@@ -78,12 +82,12 @@ def main() -> int:
     return 0
 
 
-def draw_pair(plant: PicturedPlant, data: Path, folder: Path) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+def draw_pair(plant: PicturedPlant, data: Path, folder: Path) -> list[NDArray[np.uint8]]:
     """A photograph and the plant from its camera, of one height and cut to what the plant fills in them."""
     asset = build(plant, data, folder)
     capture = pictured_capture(plant, data, folder)
     names = [view.name for view in capture.views]
-    view = read_view(capture, names.index(plant.photograph) if plant.photograph else 0)
+    view = read_view(capture, names.index(plant.photograph))
     models = read_models(asset)
     unit = capture.settings.metres_per_unit
     asset_from_world = models.asset_from_capture @ np.diag([1 / unit, 1 / unit, 1 / unit, 1.0])
@@ -93,13 +97,13 @@ def draw_pair(plant: PicturedPlant, data: Path, folder: Path) -> tuple[NDArray[n
     photograph, picture = shrink_to(view.srgb, SIDE_PX), finish_picture(drawn, settings.background)[..., :3]
     counts = {} if models.leaves is None else count_origins(models.leaves)
     print(plant.name, view.name, "leaves:", describe_origins(counts) or "none", flush=True)
-    if plant.is_beside or plant.hold_back:
+    if plant.is_beside:
         with tempfile.TemporaryDirectory() as scratch:
-            measured = measure_by_withheld(asset, capture, Path(scratch), plant.hold_back)
+            measured = measure_by_withheld(asset, capture, Path(scratch), 0)
         for row in measured.rows()[:1]:
             print(f"  {row.name}: {row.value} ({row.remark})", flush=True)
     window = plant_window(drawn[..., 3])
-    return fit_height(photograph[window]), fit_height(picture[window])
+    return [fit_height(photograph[window]), fit_height(picture[window])]
 
 
 def build(plant: PicturedPlant, data: Path, folder: Path) -> Path:
@@ -109,7 +113,6 @@ def build(plant: PicturedPlant, data: Path, folder: Path) -> Path:
         return asset
     capture = copy_capture(data / plant.capture, folder / "capture")
     words = [capture, "-o", asset, "--work", folder / "work"]
-    words += ["--hold-back", plant.hold_back] if plant.hold_back else []
     subprocess.run([sys.executable, "-m", "usdfoliage", "build", *map(str, words)], check=True)
     return asset
 
@@ -135,9 +138,6 @@ def pictured_capture(plant: PicturedPlant, data: Path, folder: Path) -> Capture:
     if plant.is_beside:
         (found,) = (data / plant.capture).parent.glob(f"*/images/{plant.photograph}")
         return read_capture(copy_capture(found.parents[1], folder / "beside"))
-    if plant.hold_back:
-        (withheld,) = (folder / "work").glob("results/*/withheld/*/images")
-        return read_capture(withheld.parent)
     return read_capture(folder / "capture")
 
 
