@@ -139,7 +139,7 @@ def test_another_plant_among_the_cameras_is_left_out_with_a_remark(color, away_m
     scene = Scene()
     scene.floor(3)
     scene.shell((0, 0.35, 0), 0.3)
-    scene.shell((-away_m, 0.35, 0), 0.2, name="other", color=color)
+    scene.shell((-away_m, 0.35, 0), 0.27, name="other", color=color)
     found = isolate(scene, distance_m=1.1)
     assert kept(scene, found, "other") < 0.01
     assert kept(scene, found, "plant") > 0.97

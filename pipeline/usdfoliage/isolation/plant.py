@@ -20,7 +20,7 @@ _MAX_POINTS = 3_000_000  # that the floor is looked for in, evenly chosen
 _COLOR_CELLS = 1.5  # fine cells, width in which colours are taken together: single pixels of soil may be green
 _DIM = 0.05  # of white: about as dark, soil in the shade is of any hue
 _FEW = 200  # points, about which nothing is known
-_ANOTHER = 0.25  # of the plant's green cells: so many in one piece beside it are another plant
+_ANOTHER = 0.5  # of the plant's green cells: so many in one piece are another plant, fewer may be lost parts of it
 _SPREAD = (0.02, 0.98)  # quantiles that a cloud without focus is measured between
 
 

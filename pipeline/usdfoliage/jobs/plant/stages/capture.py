@@ -124,7 +124,7 @@ def _check_masks(prepared: PreparedViews) -> tuple[Remark, ...]:
     """
     masked = [view for view in prepared.views if view.chosen.mask is not None]
     some = np.unique(np.linspace(0, len(masked) - 1, min(len(masked), _CHECKED_MASKS)).round().astype(int))
-    views = [read_pixels(masked[number]) for number in some]
+    views = [read_pixels(masked[number], widened=False) for number in some]
     refuse_inverted_masks(views)
     return describe_moves([measure_move(view.srgb, view.mask) for view in views if view.mask is not None])
 
