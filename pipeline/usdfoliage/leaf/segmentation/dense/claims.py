@@ -24,6 +24,9 @@ _KINDS = np.array(
 MIN_CLAIMED = 0.5  # share of a patch that leaves claim, where they may claim more of it
 
 
+_MAX_GRID = 1000  # places across or along a leaf: no photograph shows more
+
+
 @dataclass(frozen=True, kw_only=True)
 class ClaimSettings:
     """When a pixel shows a leaf."""
@@ -40,9 +43,9 @@ class ClaimSettings:
     beyond_end: float = 0.05
     # A place beyond the leaf counts as farther by this many tolerances. Unit: tolerances. Range: 0 or more.
     penalty: float = 0.6
-    # The grid that stands for a leaf has this many columns, without those beyond it. Range: 3 or more.
+    # The grid that stands for a leaf has this many columns, without those beyond it. Range: 3 to 1000.
     columns: int = 11
-    rows: int = 13  # The grid that stands for a leaf has this many rows from base to apex. Range: 3 or more.
+    rows: int = 13  # The grid that stands for a leaf has this many rows from base to apex. Range: 3 to 1000.
     # Distances along the ray are computed with at least this cosine between a leaf's normal and the ray. Range: above
     # 0, up to 1.
     min_cosine: float = 0.15
@@ -52,8 +55,8 @@ class ClaimSettings:
             raise ValueError(f"footprints, noises and penalty must not be below 0, not {self}")
         if not (self.beyond_side > 0 and self.beyond_end > 0 and 0 < self.min_cosine <= 1):
             raise ValueError(f"beyond_side and beyond_end must be above 0 and min_cosine in (0, 1], not {self}")
-        if self.columns < 3 or self.rows < 3:
-            raise ValueError(f"the grid must have 3 rows and columns, not {self}")
+        if not (3 <= self.columns <= _MAX_GRID and 3 <= self.rows <= _MAX_GRID):
+            raise ValueError(f"the grid must have 3 to {_MAX_GRID} rows and columns, not {self}")
 
 
 @dataclass(frozen=True, kw_only=True)
