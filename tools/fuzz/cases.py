@@ -213,6 +213,7 @@ FOUND: tuple[tuple[int, str, int], ...] = (
     (72, "cloud tree.csv", 13),  # a colour that no float32 holds
     (73, "binary/cameras/images.bin", 1),  # cameras of one photograph; the message named the output
     (72, "plants/tree/payload/skeleton.usdc", 14),  # numbers that are none, in validate
+    (74, "settings leaves", 9),  # a grid of 2^31 columns
 )
 
 

@@ -26,9 +26,9 @@ def numbers(prim: Usd.Prim, name: str, columns: int | None = None) -> NDArray[np
     found = value(prim, name)
     if found is None or isinstance(found, str | Sdf.AssetPath):
         return None
-    array = np.asarray(found)  # damaged files have numbers that are none
+    array = np.asarray(found)
     shape_fits = array.ndim == 1 if columns is None else array.ndim == 2 and array.shape[1] == columns
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"):  # damaged files have numbers that are none
         return array.astype(np.float64) if shape_fits and array.dtype.kind in "fiu" else None
 
 

@@ -42,6 +42,10 @@ def test_a_file_with_other_leaves_or_none_is_refused_and_unchanged(tmp_path):
     with pytest.raises(CaptureError, match="has leaves that the plant has not"):
         renumber_leaf_points(path, np.zeros(2, np.int32))
     assert path.read_bytes() == before
+    path.write_bytes(before[:-3])
+    with pytest.raises(CaptureError, match="is truncated"):
+        renumber_leaf_points(path, np.zeros(4, np.int32))
+    assert path.read_bytes() == before[:-3]
     path.write_bytes(b"no such file" * 5000)
     with pytest.raises(CaptureError, match="is not a file of points"):
         renumber_leaf_points(path, np.zeros(4, np.int32))

@@ -84,8 +84,10 @@ def renumber_leaf_points(path: Path, number_of: NDArray[np.int32]) -> None:
         file.write(header)
         row = _row(b"property float x" in header)
         while data := old.read(_CHUNK * row.itemsize):
+            if len(data) % row.itemsize:
+                raise CaptureError(f"{path} is truncated", "build the plant again")
             rows = np.frombuffer(data, row).copy()
-            if not len(rows) or int(rows["leaf"].max()) >= len(number_of) or int(rows["leaf"].min()) < -1:
+            if int(rows["leaf"].max()) >= len(number_of) or int(rows["leaf"].min()) < -1:
                 raise CaptureError(f"{path} has leaves that the plant has not", "build the plant again")
             rows["leaf"] = numbers[rows["leaf"]]
             file.write(rows.tobytes())

@@ -129,8 +129,7 @@ def test_pieces_of_stems_among_the_leaves_are_left_out_and_counted():
 
 @pytest.mark.parametrize(("away_m", "apart"), [(0.15, False), (0.28, True)])
 def test_apart_is_what_is_two_leaf_lengths_from_stems_and_their_leaves(away_m, apart):
-    half_m = 0.4 * 7 / 8 * LENGTH_M  # a quartic is that wide in its middle
-    leaves = flat_leaves([(0.0, 0.2, 0.0), (half_m + away_m, 0.2, 0.0)], LENGTH_M, width=0.4)
+    leaves = flat_leaves([(0.0, 0.2, 0.0), (0.02 + away_m, 0.2, 0.0)], LENGTH_M, width=0.4)
     joined = np.array([True, False])
     assert lie_apart(leaves, joined, stem().points_m).tolist() == [False, apart]
     assert not lie_apart(leaves, ~joined, np.zeros((0, 3)))[1]
