@@ -159,7 +159,7 @@ def _run(words: Sequence[str], prepare: Callable[[argparse.Namespace], None] | N
     except Exception as error:  # the last resort of the command line
         if options.debug:
             raise
-        refusal = _explain_system(error) if isinstance(error, OSError) else _explain_usd(error, options)
+        refusal = _explain(error, options)
         if refusal is not None:
             print(f"error: {_one_line('; '.join(refusal))}", file=sys.stderr)
             return 2
@@ -187,6 +187,16 @@ def _one_line(message: str) -> str:
     """A message without line breaks and, as files hold texts of any length, without its middle where it is long."""
     line = printable(" ".join(message.split()))
     return line if len(line) <= MAX_CHARACTERS else f"{line[: MAX_CHARACTERS // 2]} … {line[-MAX_CHARACTERS // 2 :]}"
+
+
+def _explain(error: Exception, options: argparse.Namespace) -> tuple[str, str] | None:
+    """What is wrong with what the command was given, and what to do; None where it is a fault of ours."""
+    if isinstance(error, OSError):
+        return _explain_system(error)
+    if isinstance(error, MemoryError):
+        advice = "give it less, choose smaller settings, or run it where there is more memory"
+        return f"this needs more memory than there is: {error or 'no more is left'}", advice
+    return _explain_usd(error, options)
 
 
 def _explain_system(error: OSError) -> tuple[str, str] | None:

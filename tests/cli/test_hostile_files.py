@@ -130,3 +130,9 @@ def test_a_library_that_quotes_bytes_is_heard_in_one_printable_line():
 
     assert library_text(quote) == ""
     assert library_text(lambda: "a\x1b[31m\nb") == "a\\x1b[31m b"
+
+
+def test_a_run_without_memory_is_refused_in_one_line(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("usdfoliage.cli.scatter.run", lambda options: np.empty(1 << 55))
+    message = refused(capsys, "scatter", "-n", 1, "-o", tmp_path / "a")
+    assert "needs more memory than there is: Unable to allocate" in message

@@ -55,6 +55,22 @@ def test_only_what_the_command_prints_comes_out():
     assert ended.stderr == b"bad\n" + str(["libpng error: \\x1b[31mIDAT", "exr"]).encode() + b"\n"
 
 
+def test_an_exception_that_compiled_code_prints_is_not_heard():
+    """As USD does while it unpacks a damaged crate; one that ends the process is heard."""
+    ended = divert(
+        "import ctypes\n"
+        "assert ctypes.pythonapi.PyRun_SimpleString(b'1 +') == -1\n"
+        "print(*noise.lines()[-1:])\n"
+        "raise KeyError('ours')"
+    )
+    assert (ended.returncode, ended.stdout.partition(b":")[0], ended.stderr.count(b"SyntaxError")) == (
+        1,
+        b"SyntaxError",
+        0,
+    )
+    assert ended.stderr.endswith(b"KeyError: 'ours'\n")
+
+
 def test_a_library_that_prints_much_neither_waits_nor_takes_memory():
     """It prints while Python stands still, as one that does not release Python's lock."""
     ended = divert(

@@ -11,6 +11,8 @@ import os
 import select
 import sys
 import threading
+import traceback
+from types import TracebackType
 from typing import Any
 
 from usdfoliage.files.printable import printable
@@ -73,9 +75,22 @@ def divert_libraries() -> Noise:
 
 
 def move_streams(noise: int) -> None:
-    """Move sys.stdout and sys.stderr to descriptors of their own, and put a pipe where they were."""
+    """Move sys.stdout and sys.stderr to descriptors of their own, and put a pipe where they were.
+
+    Exceptions that compiled code prints instead of raising them, as USD does while it unpacks a damaged crate, go
+    there too.
+    """
     sys.stdout, sys.stderr = _moved(sys.stdout, 1, noise), _moved(sys.stderr, 2, noise)
     vars(sys).update(__stdout__=sys.stdout, __stderr__=sys.stderr)  # by which the width of a terminal is asked
+    sys.excepthook = _print_exception
+
+
+def _print_exception(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """What Python does with an exception that nobody takes, but for those that began outside of Python."""
+    if trace is not None:
+        sys.__excepthook__(kind, error, trace)
+        return
+    os.write(2, "".join(traceback.format_exception_only(kind, error)).encode(errors="backslashreplace"))
 
 
 def _moved(stream: Any, number: int, noise: int) -> Any:

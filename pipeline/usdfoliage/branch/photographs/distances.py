@@ -18,6 +18,7 @@ from usdfoliage.branch.photographs.seen_lines import SeenLines, ranges_in_box
 
 _BLUR = 0.8  # bins, of the votes
 _UNSEEN = 1e3  # what a candidate that is none costs
+_MAX_BINS, _MAX_DIRECTIONS = 10_000, 1000
 _FEW_RAD = 0.05  # angle between two planes, below which they cut each other nowhere in particular
 
 
@@ -29,8 +30,8 @@ class DistanceSettings:
     # Photographs whose directions to the plant differ by angles between these are compared. Unit: radians.
     angles_rad: tuple[float, float] = (0.07, 1.9)
     within_px: float = 1.2  # A ray passes a line up to this far from it. Unit: pixels. Range: above 0.
-    bins: int = 160  # Distances in the plant's box are distinguished in this many steps. Range: 8 or more.
-    directions: int = 9  # Directions of a line within its plane are distinguished in this many steps. Range: 3 or more.
+    bins: int = 160  # Distances in the plant's box are distinguished in this many steps. Range: 8 to 10000.
+    directions: int = 9  # Directions of a line within its plane are distinguished in this many steps. Range: 3 to 1000.
     width: float = 0.4  # Standard deviation of the logarithm of a line's width. Range: above 0.
     color: float = 12.0  # Standard deviation of a line's colour, in CIELAB, lightness counting 0.6. Range: above 0.
     steepest: float = 0.2  # A line is at least so far from an epipolar line, as a sine. Range: above 0, below 1.
@@ -42,8 +43,10 @@ class DistanceSettings:
     leap_px: float = 16.0  # Middles farther apart in space are of two lines. Unit: pixels. Range: above 0.
 
     def __post_init__(self) -> None:
-        if self.views < 2 or self.bins < 8 or self.directions < 3 or self.candidates < 1:
-            raise ValueError(f"views must be at least 2, bins 8, directions 3 and candidates 1, not {self}")
+        if not (8 <= self.bins <= _MAX_BINS and 3 <= self.directions <= _MAX_DIRECTIONS):
+            raise ValueError(f"bins must be 8 to {_MAX_BINS} and directions 3 to {_MAX_DIRECTIONS}, not {self}")
+        if self.views < 2 or self.candidates < 1:
+            raise ValueError(f"views must be at least 2 and candidates 1, not {self}")
         if not 0 <= self.angles_rad[0] < self.angles_rad[1] <= np.pi:
             raise ValueError(f"angles_rad must be two rising angles up to pi, not {self.angles_rad}")
         positive = (self.within_px, self.width, self.color, self.min_votes, self.bend_px, self.leap_px)

@@ -50,6 +50,7 @@ DIRECTIONS: Mapping[str, tuple[float, float]] = MappingProxyType(
 MIN_SIDE_PX = 16
 MAX_SIDE_PX = 8192
 MAX_PIXELS = 1 << 25  # Storm keeps about 60 bytes of each
+MAX_SAMPLES = 64  # more change nothing that is seen
 SHEET_WIDTH_PX = 1920
 
 
@@ -74,8 +75,8 @@ class PreviewSettings:
             raise ValueError(f"complexity must be one of {', '.join(COMPLEXITIES)}, not {self.complexity!r}")
         if self.frame is not None and not math.isfinite(self.frame):
             raise ValueError(f"frame must be a time code, not {self.frame}")
-        if self.samples < 1:
-            raise ValueError(f"samples must be 1 or more, not {self.samples}")
+        if not 1 <= self.samples <= MAX_SAMPLES:
+            raise ValueError(f"samples must be 1 to {MAX_SAMPLES}, not {self.samples}")
         if self.background is not None and not all(0 <= c <= 1 for c in self.background):
             raise ValueError(f"background must be three numbers from 0 to 1, not {self.background}")
         unknown = set(self.purposes) - set(PURPOSES)

@@ -18,6 +18,7 @@ from usdfoliage.jobs.work.field_comments import field_comments
 from usdfoliage.jobs.work.renamed_settings import with_new_names
 
 AUTO = "auto"
+MAX_COUNT = 1_000_000_000  # of whole numbers but for seeds: compiled code counts in 32 bits
 _GIVEN_ONCE = ("seed", "threads")  # for all tables at once, at the top or by an option
 
 Settings = TypeVar("Settings")
@@ -129,6 +130,8 @@ def _check(value: Any, wanted: Any, key: str, path: Path) -> Any:
         raise FoliageError(f"{key} must be a finite number, not {value!r} ({path})")
     if not fits:
         raise FoliageError(f"{key} must be {_describe(wanted)}, not {value!r} ({path})")
+    if wanted is int and abs(value) > MAX_COUNT and key.rpartition(".")[2] != "seed":
+        raise FoliageError(f"{key} must be at most {MAX_COUNT:,}, not {value:,} ({path})")
     return value
 
 

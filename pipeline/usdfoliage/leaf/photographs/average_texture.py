@@ -34,6 +34,8 @@ from usdfoliage.leaf.shape.surface import grid_places
 
 logger = logging.getLogger(__name__)
 
+_MAX_SIDE_PX = 8192
+
 GREY = 0.18  # linear, of a leaf that nobody saw
 VIEWS_A_LEAF = 2  # at most, so that few leaves that are often seen do not make up the average
 MIXED_PX = 1.5  # how far from a leaf's silhouette, or from what stands before it, pixels show something else besides
@@ -59,8 +61,8 @@ OCTAVES_TO_BYTES = 100.0  # of the pictures that optical flow compares
 class AverageTextureSettings:
     """Size of the picture, and what goes into it."""
 
-    width_px: int = 128  # The texture is this wide, from silhouette to silhouette. Unit: pixels. Range: 16 or more.
-    height_px: int = 256  # The texture is this high, from base to apex. Unit: pixels. Range: 16 or more.
+    width_px: int = 128  # The texture is this wide, from silhouette to silhouette. Unit: pixels. Range: 16 to 8192.
+    height_px: int = 256  # The texture is this high, from base to apex. Unit: pixels. Range: 16 to 8192.
     # The texture is made of at most this many unwrapped leaves, those seen largest first. Range: 1 or more.
     max_pictures: int = 64
     vein_pictures: int = 3  # Veins come from this many of them; 0 draws no veins. Range: 0 or more.
@@ -69,9 +71,9 @@ class AverageTextureSettings:
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
 
     def __post_init__(self) -> None:
-        if min(self.width_px, self.height_px) < 16:
+        if not all(16 <= side_px <= _MAX_SIDE_PX for side_px in (self.width_px, self.height_px)):
             raise ValueError(
-                f"the picture must be 16 pixels wide and high or more, not {self.width_px, self.height_px}"
+                f"the picture must be 16 to {_MAX_SIDE_PX} pixels wide and high, not {self.width_px, self.height_px}"
             )
         if self.max_pictures < 1 or self.vein_pictures < 0:
             raise ValueError(

@@ -28,6 +28,7 @@ DECODED = decode_srgb(np.arange(256) / 255.0)  # (256,), linear
 DARKEST = 1 / 255  # linear; darker, noise decides what the ratio of two colours is
 CLIPPED = 254  # encoded; from here on a channel may have been anything
 GAIN_TURNS = 8
+_MAX_PLACES = 1000  # no photograph shows more of a leaf
 BLOCK = 1 << 17  # places of leaves, or colours of them, that are handled at once: some 50 MB
 
 
@@ -35,16 +36,16 @@ BLOCK = 1 << 17  # places of leaves, or colours of them, that are handled at onc
 class PhotoColorSettings:
     """Where colours are read."""
 
-    across: int = 7  # Colours are read at this many places from silhouette to silhouette. Range: 1 or more.
-    along: int = 13  # Colours are read at this many places from base to apex. Range: 1 or more.
+    across: int = 7  # Colours are read at this many places from silhouette to silhouette. Range: 1 to 1000.
+    along: int = 13  # Colours are read at this many places from base to apex. Range: 1 to 1000.
     # This share of the half width, and of the length at base and apex, is left out. Range: 0 to below 0.5.
     border: float = 0.15
     equalize_exposure: bool = True  # true matches the brightness of photographs where they show the same leaves.
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
 
     def __post_init__(self) -> None:
-        if self.across < 1 or self.along < 1:
-            raise ValueError(f"across and along must be 1 or more, not {self.across} and {self.along}")
+        if not (1 <= self.across <= _MAX_PLACES and 1 <= self.along <= _MAX_PLACES):
+            raise ValueError(f"across and along must be 1 to {_MAX_PLACES}, not {self.across} and {self.along}")
         if not 0 <= self.border < 0.5:
             raise ValueError(f"border must be from 0 to below 0.5, not {self.border}")
 

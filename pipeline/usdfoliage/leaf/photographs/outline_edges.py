@@ -21,13 +21,14 @@ from usdfoliage.leaf.shape.surface import evaluate_grid
 _LINE = 4096  # places in a line of a map: OpenCV takes no map that is longer than 32767 to one side
 _SOBEL = 8  # what a Sobel operator of three pixels multiplies a slope with
 _STEP = 1e-3  # leaf lengths, along an outline
+_MAX_PLACES = 1000  # no photograph shows more of a leaf
 
 
 @dataclass(frozen=True, kw_only=True)
 class OutlineSettings:
     """How outlines are compared with the edges of photographs."""
 
-    ring: int = 16  # Either half of the outline is compared at this many places. Range: 1 or more.
+    ring: int = 16  # Either half of the outline is compared at this many places. Range: 1 to 1000.
     blur_px: float = 1.0  # Edges are those of photographs blurred by this deviation. Unit: pixels. Range: above 0.
     # An edge counts by how much it exceeds the typical change of colour within this deviation. Unit: pixels. Range:
     # above 0.
@@ -44,8 +45,8 @@ class OutlineSettings:
     sure: float = 0.3
 
     def __post_init__(self) -> None:
-        if min(self.ring, self.views) < 1:
-            raise ValueError(f"ring and views must be at least 1, not {self.ring} and {self.views}")
+        if not 1 <= self.ring <= _MAX_PLACES or self.views < 1:
+            raise ValueError(f"ring must be 1 to {_MAX_PLACES} and views at least 1, not {self.ring} and {self.views}")
         positive = (self.blur_px, self.around_px, self.noise, self.limit, self.sure)
         if not all(np.isfinite(value) and value > 0 for value in positive):
             raise ValueError(f"blur_px, around_px, noise, limit and sure must be above 0, not {positive}")

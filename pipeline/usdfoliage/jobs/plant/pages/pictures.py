@@ -46,7 +46,7 @@ class PictureSettings:
     comparisons: int = 6  # The asset is compared with at most this many photographs. Range: 0 or more.
     comparison_px: int = 1100  # The longer side of a comparison has this size. Unit: pixels. Range: 16 to 8192.
     variant_px: int = 420  # The picture of each variant is this wide and high. Unit: pixels. Range: 16 to 8192.
-    samples: int = 2  # Each pixel is drawn with this many samples. Range: 1 or more.
+    samples: int = 2  # Each pixel is drawn with this many samples. Range: 1 to 64.
     complexity: str = "medium"  # Storm divides curved surfaces this finely: low, medium, high or veryhigh.
 
     def __post_init__(self) -> None:

@@ -13,15 +13,16 @@ from usdfoliage.leaf.segmentation.dense.depth_view import depth_view, mean_focal
 from usdfoliage.leaf.shape.surface import evaluate_grid
 
 _ON, _THROUGH = 1, 2  # of _native.classify_points
+_MAX_PLACES = 1000  # no photograph shows more of a leaf
 
 
 @dataclass(frozen=True, kw_only=True)
 class EvidenceSettings:
     """Where leaves are probed, and when a probe lies on what is seen."""
 
-    columns: int = 8  # A leaf is probed at this many places across. Range: 1 or more.
-    rows: int = 14  # A leaf is probed at this many places along. Range: 1 or more.
-    ring: int = 16  # Either half of the silhouette is probed at this many places. Range: 1 or more.
+    columns: int = 8  # A leaf is probed at this many places across. Range: 1 to 1000.
+    rows: int = 14  # A leaf is probed at this many places along. Range: 1 to 1000.
+    ring: int = 16  # Either half of the silhouette is probed at this many places. Range: 1 to 1000.
     # A probe lies on the visible surface up to this distance. Unit: footprints. Range: 0 or more.
     footprints: float = 2.5
     # A probe around the silhouette lies on the visible surface up to this distance. Unit: footprints. Range: 0 or
@@ -40,8 +41,8 @@ class EvidenceSettings:
     offset_noises: float = 2.0
 
     def __post_init__(self) -> None:
-        if min(self.columns, self.rows, self.ring) < 1:
-            raise ValueError(f"columns, rows and ring must be at least 1, not {self}")
+        if not all(1 <= count <= _MAX_PLACES for count in (self.columns, self.rows, self.ring)):
+            raise ValueError(f"columns, rows and ring must be 1 to {_MAX_PLACES}, not {self}")
         numbers = (self.footprints, self.ring_footprints, self.noises, self.offset_footprints, self.offset_noises)
         if min(numbers) < 0 or not self.offset > 0:
             raise ValueError(f"offset must be above 0, footprints and noises not below, not {self}")

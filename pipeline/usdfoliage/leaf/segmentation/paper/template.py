@@ -10,17 +10,19 @@ from numpy.typing import NDArray
 
 from usdfoliage.errors import FitError
 
+_MAX_RINGS = 1000  # finer than any photograph shows a leaf
+
 
 @dataclass(frozen=True, kw_only=True)
 class TemplateSettings:
     """Which candidates teach the template, and how finely it is drawn."""
 
     surest: int = 50  # The template is learned from this many candidates of the highest confidence. Range: 1 or more.
-    rings: int = 6  # The template has this many rings of points from the middle to the rim. Range: 2 or more.
+    rings: int = 6  # The template has this many rings of points from the middle to the rim. Range: 2 to 1000.
 
     def __post_init__(self) -> None:
-        if self.surest < 1 or self.rings < 2:
-            raise ValueError(f"surest must be at least 1 and rings at least 2, not {self}")
+        if self.surest < 1 or not 2 <= self.rings <= _MAX_RINGS:
+            raise ValueError(f"surest must be at least 1 and rings 2 to {_MAX_RINGS}, not {self}")
 
 
 def measure_ratio(
