@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from usdfoliage.capture.poses.view_graph import PairTurns, find_consistent_pairs
+from usdfoliage.capture.poses.view_graph import PairTurns, average_turns, find_consistent_pairs
 
 PHOTOS = 20
 
@@ -40,6 +40,28 @@ def test_pairs_of_equal_walls_are_left_out(seed):
     pairs, right = ring(seed)
     assert 0.2 < right.mean() < 0.9
     np.testing.assert_array_equal(find_consistent_pairs(pairs, PHOTOS), right)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_pairs_that_mislead_by_two_degrees_are_left_out(seed):
+    """They have five times the matches of the others, and one in five is such a pair."""
+    pairs, right = ring(seed, noise_deg=0.05)
+    rng = np.random.default_rng(seed)
+    near = right & (rng.random(len(right)) < 0.2)
+    axis = rng.normal(size=(near.sum(), 3))
+    axis *= np.radians(2) / np.linalg.norm(axis, axis=1, keepdims=True)
+    turn, matches = pairs.turn.copy(), pairs.matches.copy()
+    turn[near] = (Rotation.from_rotvec(axis) * Rotation.from_matrix(turn[near])).as_matrix()
+    matches[near] = 750
+    changed = PairTurns(first=pairs.first, second=pairs.second, turn=turn, matches=matches)
+    np.testing.assert_array_equal(find_consistent_pairs(changed, PHOTOS), right & ~near)
+
+
+def test_the_limit_is_that_of_the_noise():
+    """Turns that are known less well do not make pairs contradict each other."""
+    exact, rough = (average_turns(ring(noise_deg=noise_deg)[0], PHOTOS) for noise_deg in (0.01, 0.5))
+    assert np.degrees(exact.limit_rad) == pytest.approx(0.6)
+    assert 1.5 < np.degrees(rough.limit_rad) < 5
 
 
 def test_photographs_that_do_not_hang_together_have_no_pairs():

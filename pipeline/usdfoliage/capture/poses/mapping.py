@@ -14,7 +14,7 @@ from usdfoliage.capture.folder.photo_set import PhotoSet
 from usdfoliage.capture.poses.child_process import run_items
 from usdfoliage.capture.poses.result import PairMatches
 from usdfoliage.capture.poses.settings import PoseEstimationSettings, name_of
-from usdfoliage.capture.poses.view_graph import PairTurns, find_consistent_pairs
+from usdfoliage.capture.poses.view_graph import PairTurns, ViewGraphSettings, average_turns
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.npz import read_arrays
 from usdfoliage.progress import Progress
@@ -75,38 +75,46 @@ def map_photos(
     if len(usable) < _MIN_RING or following.mean() < _MIN_IN_ORDER:
         return model, ()
     pairs, turns = _find_turns(matched, model, work, settings, processes)
-    agree = find_consistent_pairs(turns, len(usable))
-    contradicting = int(np.count_nonzero(~agree))
-    if not agree.any() or contradicting < _MIN_CONTRADICTING * len(agree):
+    agreement = average_turns(turns, len(usable))
+    loose_rad = float(np.radians(ViewGraphSettings().consistent_deg))
+    if agreement is None or np.mean(agreement.off_rad >= loose_rad) < _MIN_CONTRADICTING:
         return model, ()
-    try:
-        other = _map(replace(matched, only=_as_pairs(pairs[agree])), work, settings, progress)
-    except CaptureError:  # too few pairs are left
-        return model, ()
-    if len(other["images"]) < _MIN_KEPT * len(model["images"]):
-        return model, ()
-    if _agreement_in_order(other, pairs, turns, usable) <= _agreement_in_order(model, pairs, turns, usable):
-        return model, ()
-    text = (
-        f"{contradicting} of {counted(len(agree), 'pair')} of photographs contradict the others, as walls or tiles "
-        f"that look the same make them; they are not used"
-    )
-    return other, (remark("pairs-contradict", text),)
+    for limit_rad in (agreement.limit_rad, loose_rad):  # the second where too few pairs agree precisely
+        agree = agreement.off_rad < limit_rad
+        try:
+            other = _map(replace(matched, only=_as_pairs(pairs[agree])), work, settings, progress)
+        except CaptureError:  # too few pairs are left
+            continue
+        if len(other["images"]) < _MIN_KEPT * len(model["images"]):
+            continue
+        if _agreement_in_order(other, pairs, turns, usable) <= _agreement_in_order(model, pairs, turns, usable):
+            continue
+        text = (
+            f"{int(np.count_nonzero(~agree))} of {counted(len(agree), 'pair')} of photographs contradict the others, "
+            f"as walls or tiles that look the same make them; they are not used"
+        )
+        return other, (remark("pairs-contradict", text),)
+    return model, ()
 
 
 def _as_pairs(numbers: NDArray[np.int64]) -> tuple[tuple[int, int], ...]:
     return tuple((int(first), int(second)) for first, second in numbers)
 
 
-def _agreement_in_order(model: Model, pairs: NDArray[np.int64], turns: PairTurns, usable: NDArray[np.int64]) -> int:
-    """How many pairs of photographs that follow each other turned as the cameras of a model have it."""
+def _agreement_in_order(
+    model: Model, pairs: NDArray[np.int64], turns: PairTurns, usable: NDArray[np.int64]
+) -> tuple[int, float]:
+    """How many pairs of photographs that follow each other turned as the cameras of a model have it.
+
+    Of equal numbers the more exact is better: the second number is minus the median difference.
+    """
     apart = (turns.second - turns.first) % len(usable)
     follows = (np.minimum(apart, len(usable) - apart) == 1) & np.isin(pairs, model["images"]).all(axis=1)
     place = np.searchsorted(model["images"], pairs[follows])
     cameras = Rotation.from_matrix(model["cam_from_world"][:, :, :3])
     between = cameras[place[:, 1]] * cameras[place[:, 0]].inv()
-    differ = (Rotation.from_matrix(turns.turn[follows]).inv() * between).magnitude()
-    return int(np.count_nonzero(differ < np.radians(_TURN_OFF_DEG)))
+    differ = np.asarray((Rotation.from_matrix(turns.turn[follows]).inv() * between).magnitude())
+    return int(np.count_nonzero(differ < np.radians(_TURN_OFF_DEG))), -float(np.median(differ)) if len(differ) else 0.0
 
 
 def _find_turns(

@@ -19,14 +19,22 @@ from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
+_STILL_RAD = 1e-6  # turns of cameras below which another round changes nothing
+
 
 @dataclass(frozen=True, kw_only=True)
 class ViewGraphSettings:
     """How pairs that agree are found."""
 
-    consistent_deg: float = 5.0  # A pair agrees when its turn differs by less than this from that of the cameras.
+    # Pairs whose turns differ by less than this from those of the cameras agree at first; the limit is then halved
+    # down to precise_deg, or to spread times the median difference of those that agree, whichever is larger.
+    consistent_deg: float = 5.0
+    precise_deg: float = 0.6
+    spread: float = 4.0
+    # Matches beyond this number do not count: equal walls have as many as anything.
+    counted_matches: float = 100.0
     in_order: float = 100.0  # Matches of photographs that follow each other count so many times in the first tree.
-    rounds: int = 30
+    rounds: int = 30  # for each limit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,10 +47,21 @@ class PairTurns:
     matches: Array  # (P,), that this motion explains
 
 
-def find_consistent_pairs(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PairAgreement:
+    """How pairs agree with one turn for each camera."""
+
+    off_rad: Array  # (P,), by which the turn of a pair differs from that of the cameras
+    limit_rad: float  # of those that agree
+
+
+def average_turns(
     pairs: PairTurns, photos: int, settings: ViewGraphSettings = ViewGraphSettings()
-) -> NDArray[np.bool_]:
-    """Which pairs agree with one turn for each camera.
+) -> PairAgreement | None:
+    """The turns of the cameras that most pairs agree with, and by how much each pair differs from them.
+
+    Pairs that mislead by a degree or two are recognised once those that mislead by more have lost their weight, so
+    that the limit falls in steps.
 
     Args:
         pairs: Of the photographs in the order in which they were taken; the last is near the first.
@@ -50,7 +69,7 @@ def find_consistent_pairs(
         settings: How.
 
     Returns:
-        (P,), none where the photographs do not hang together.
+        None where the photographs do not hang together.
     """
     first, second = pairs.first, pairs.second
     apart = (second - first) % photos
@@ -58,21 +77,36 @@ def find_consistent_pairs(
     weight = pairs.matches * np.where(follows, settings.in_order, 1.0)
     links = coo_matrix((weight, (first, second)), shape=(photos, photos)).tocsr()
     if not len(first) or connected_components(links, directed=False)[0] > 1:
-        return np.zeros(len(first), bool)
+        return None
     turns = Rotation.from_matrix(pairs.turn)
     cameras = _along_tree(first, second, turns, weight, photos)
-    limit = np.radians(settings.consistent_deg)
-    share = pairs.matches / pairs.matches.mean()
-    for _ in range(settings.rounds):
-        # By how much each pair wants its cameras turned in the world's axes.
-        wanted = (cameras[second].inv() * turns * cameras[first]).as_rotvec()
-        strength = share / (1 + (np.linalg.norm(wanted, axis=1) / limit) ** 2) ** 2
-        step = _spread(first, second, strength, wanted, photos)
-        cameras = cameras * Rotation.from_rotvec(step)
-        if np.abs(step).max() < 1e-6:
-            break
-    rest = (turns.inv() * cameras[second] * cameras[first].inv()).magnitude()
-    return np.asarray(rest < limit)
+    limit_rad = float(np.radians(settings.consistent_deg))
+    share = np.minimum(pairs.matches, settings.counted_matches) / settings.counted_matches
+    while True:
+        for _ in range(settings.rounds):
+            # By how much each pair wants its cameras turned in the world's axes.
+            wanted = (cameras[second].inv() * turns * cameras[first]).as_rotvec()
+            strength = share / (1 + (np.linalg.norm(wanted, axis=1) / limit_rad) ** 2) ** 2
+            step = _spread(first, second, strength, wanted, photos)
+            cameras = cameras * Rotation.from_rotvec(step)
+            if np.abs(step).max() < _STILL_RAD:
+                break
+        off_rad = np.asarray((turns.inv() * cameras[second] * cameras[first].inv()).magnitude())
+        agree = off_rad < limit_rad
+        least_rad = np.radians(settings.precise_deg)
+        if agree.any():
+            least_rad = max(least_rad, settings.spread * np.median(off_rad[agree]))
+        if limit_rad <= least_rad or not agree.any():
+            return PairAgreement(off_rad=off_rad, limit_rad=limit_rad)
+        limit_rad = max(limit_rad / 2, float(least_rad))
+
+
+def find_consistent_pairs(
+    pairs: PairTurns, photos: int, settings: ViewGraphSettings = ViewGraphSettings()
+) -> NDArray[np.bool_]:
+    """Which pairs (P,) agree with one turn for each camera: none where the photographs do not hang together."""
+    found = average_turns(pairs, photos, settings)
+    return np.zeros(len(pairs.first), bool) if found is None else found.off_rad < found.limit_rad
 
 
 def _along_tree(
