@@ -93,12 +93,12 @@ def average_turns(
                 break
         off_rad = np.asarray((turns.inv() * cameras[second] * cameras[first].inv()).magnitude())
         agree = off_rad < limit_rad
-        least_rad = np.radians(settings.precise_deg)
+        lowest_rad = np.radians(settings.precise_deg)
         if agree.any():
-            least_rad = max(least_rad, settings.spread * np.median(off_rad[agree]))
-        if limit_rad <= least_rad or not agree.any():
+            lowest_rad = max(lowest_rad, settings.spread * np.median(off_rad[agree]))
+        if limit_rad <= lowest_rad or not agree.any():
             return PairAgreement(off_rad=off_rad, limit_rad=limit_rad)
-        limit_rad = max(limit_rad / 2, float(least_rad))
+        limit_rad = max(limit_rad / 2, float(lowest_rad))
 
 
 def find_consistent_pairs(
