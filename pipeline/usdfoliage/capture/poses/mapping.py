@@ -28,7 +28,8 @@ _MIN_MODEL = 2  # photographs
 _MIN_RING = 6  # photographs, from which pairs can contradict each other
 _MIN_CONTRADICTING = 0.15  # share of the pairs, from which surfaces may repeat
 _MIN_IN_ORDER = 0.8  # of photographs that match the next one, from which they were taken in order
-_TURN_OFF_DEG = 10.0  # from which a pair contradicts a model: lenses are estimated
+_TURN_OFF_DEG = 2.0  # from which a pair contradicts a model
+_ALLOWED = 2.0  # times the limit of pairs that agree: they are chosen from once more, by their features
 _MIN_KEPT = 0.9  # of the photographs that all pairs place
 
 
@@ -56,8 +57,7 @@ def map_photos(
 
     Surfaces that repeat, as equal walls, give pairs with many matches and a wrong motion. The lens of a wrong model is
     nearly right nevertheless; with it, how the camera turned between two photographs is known, and which pairs agree.
-    Where many do not, cameras are found again by those that do, and kept if more pairs of photographs that follow each
-    other agree with them.
+    Where many do not, cameras are found again by those that do, and kept if more of those pairs agree with them.
 
     Args:
         matched: The photographs.
@@ -79,15 +79,16 @@ def map_photos(
     loose_rad = float(np.radians(ViewGraphSettings().consistent_deg))
     if agreement is None or np.mean(agreement.off_rad >= loose_rad) < _MIN_CONTRADICTING:
         return model, ()
-    for limit_rad in (agreement.limit_rad, loose_rad):  # the second where too few pairs agree precisely
+    precise = agreement.off_rad < agreement.limit_rad
+    fewest = 1 + _count_agreeing(model, pairs[precise], turns.turn[precise])
+    for limit_rad in (_ALLOWED * agreement.limit_rad, loose_rad):  # the second where too few pairs agree precisely
         agree = agreement.off_rad < limit_rad
         try:
             other = _map(replace(matched, only=_as_pairs(pairs[agree])), work, settings, progress)
         except CaptureError:  # too few pairs are left
             continue
-        if len(other["images"]) < _MIN_KEPT * len(model["images"]):
-            continue
-        if _agreement_in_order(other, pairs, turns, usable) <= _agreement_in_order(model, pairs, turns, usable):
+        enough = len(other["images"]) >= _MIN_KEPT * len(model["images"])
+        if not enough or _count_agreeing(other, pairs[precise], turns.turn[precise]) < fewest:
             continue
         text = (
             f"{int(np.count_nonzero(~agree))} of {counted(len(agree), 'pair')} of photographs contradict the others, "
@@ -101,20 +102,14 @@ def _as_pairs(numbers: NDArray[np.int64]) -> tuple[tuple[int, int], ...]:
     return tuple((int(first), int(second)) for first, second in numbers)
 
 
-def _agreement_in_order(
-    model: Model, pairs: NDArray[np.int64], turns: PairTurns, usable: NDArray[np.int64]
-) -> tuple[int, float]:
-    """How many pairs of photographs that follow each other turned as the cameras of a model have it.
-
-    Of equal numbers the more exact is better: the second number is minus the median difference.
-    """
-    apart = (turns.second - turns.first) % len(usable)
-    follows = (np.minimum(apart, len(usable) - apart) == 1) & np.isin(pairs, model["images"]).all(axis=1)
-    place = np.searchsorted(model["images"], pairs[follows])
+def _count_agreeing(model: Model, pairs: NDArray[np.int64], turn: NDArray[np.float64]) -> int:
+    """How many pairs (P, 2) of photographs turned (P, 3, 3) as the cameras of a model have it."""
+    inside = np.isin(pairs, model["images"]).all(axis=1)
+    place = np.searchsorted(model["images"], pairs[inside])
     cameras = Rotation.from_matrix(model["cam_from_world"][:, :, :3])
     between = cameras[place[:, 1]] * cameras[place[:, 0]].inv()
-    differ = np.asarray((Rotation.from_matrix(turns.turn[follows]).inv() * between).magnitude())
-    return int(np.count_nonzero(differ < np.radians(_TURN_OFF_DEG))), -float(np.median(differ)) if len(differ) else 0.0
+    differ = (Rotation.from_matrix(turn[inside]).inv() * between).magnitude()
+    return int(np.count_nonzero(differ < np.radians(_TURN_OFF_DEG)))
 
 
 def _find_turns(

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-_DESCRIPTOR_NORM = 512.0  # of SIFT descriptors as bytes
+DESCRIPTOR_NORM = 512.0  # of SIFT descriptors as bytes
 _BLOCK = 4096  # rows compared at once
 
 
@@ -60,7 +60,7 @@ def match_descriptors(
         nearest[rows], dots[0, rows] = own, table[along, own]
         table[along, own] = -1
         dots[1, rows] = table.max(axis=1)
-    angles = np.arccos(np.clip(dots / np.float32(_DESCRIPTOR_NORM**2), -1, 1))
+    angles = np.arccos(np.clip(dots / np.float32(DESCRIPTOR_NORM**2), -1, 1))
     good = (
         (back[nearest] == np.arange(len(first)))
         & (angles[0] <= settings.max_angle_rad)

@@ -20,6 +20,7 @@ from usdfoliage.capture.poses.child_process import run_items
 from usdfoliage.capture.poses.diagnosis import check_cameras, describe_poses, list_failures
 from usdfoliage.capture.poses.mapping import MatchedPhotos, Model, map_photos
 from usdfoliage.capture.poses.pairs import all_pairs, neighbors_in_order, retrieve_pairs
+from usdfoliage.capture.poses.refining import refine_cameras
 from usdfoliage.capture.poses.result import PairMatches, RegisteredPhoto, project_with
 from usdfoliage.capture.poses.result import Registered as Registered  # what callers get
 from usdfoliage.capture.poses.settings import PoseEstimationSettings, name_of
@@ -49,7 +50,7 @@ def register_photos(
         photo_set: The photographs.
         work: A folder for features, matches and models; made where it is missing.
         settings: How.
-        progress: Called with the steps "features", "pairs", "matches" and "cameras".
+        progress: Called with the steps "features", "pairs", "matches", "cameras" and "refining".
 
     Raises:
         CaptureError: Fewer than two photographs; no two of them overlap; the camera did not move; the work folder
@@ -80,6 +81,7 @@ def register_photos(
         match_files=tuple(match_files), pairs=found,
     )  # fmt: skip
     model, contradictions = map_photos(matched, work, settings, processes, progress_in_step("cameras", progress))
+    model = refine_cameras(matched, model, work, settings, processes, progress_in_step("refining", progress))
     _check_moved(photo_set, model)
     return _registered(matched, model, failed, contradictions, settings)
 

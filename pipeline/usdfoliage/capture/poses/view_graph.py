@@ -33,7 +33,11 @@ class ViewGraphSettings:
     spread: float = 4.0
     # Matches beyond this number do not count: equal walls have as many as anything.
     counted_matches: float = 100.0
-    in_order: float = 100.0  # Matches of photographs that follow each other count so many times in the first tree.
+    # Photographs that follow each other count so many times: their matches in the trees that are tried, and their
+    # pairs in the number that agrees with a tree.
+    in_order: float = 100.0
+    agreeing_in_order: float = 5.0
+    trees: int = 200
     rounds: int = 30  # for each limit
 
 
@@ -79,7 +83,7 @@ def average_turns(
     if not len(first) or connected_components(links, directed=False)[0] > 1:
         return None
     turns = Rotation.from_matrix(pairs.turn)
-    cameras = _along_tree(first, second, turns, weight, photos)
+    cameras = _best_tree(pairs, weight, follows, photos, settings)
     limit_rad = float(np.radians(settings.consistent_deg))
     share = np.minimum(pairs.matches, settings.counted_matches) / settings.counted_matches
     while True:
@@ -107,6 +111,27 @@ def find_consistent_pairs(
     """Which pairs (P,) agree with one turn for each camera: none where the photographs do not hang together."""
     found = average_turns(pairs, photos, settings)
     return np.zeros(len(pairs.first), bool) if found is None else found.off_rad < found.limit_rad
+
+
+def _best_tree(
+    pairs: PairTurns, weight: Array, follows: NDArray[np.bool_], photos: int, settings: ViewGraphSettings
+) -> Rotation:
+    """The cameras' turns along the tree that most pairs agree with: the strongest one, or one of many near it.
+
+    One wrong pair of photographs that follow each other spoils a tree, and may be among the strongest.
+    """
+    rng = np.random.default_rng(0)
+    turns, limit_rad = Rotation.from_matrix(pairs.turn), np.radians(settings.consistent_deg)
+    counts = np.where(follows, settings.agreeing_in_order, 1.0)
+    best, best_count = Rotation.identity(photos), -1.0
+    for number in range(settings.trees):
+        tried = weight if number == 0 else weight * rng.exponential(size=len(weight))
+        cameras = _along_tree(pairs.first, pairs.second, turns, tried, photos)
+        off_rad = (turns.inv() * cameras[pairs.second] * cameras[pairs.first].inv()).magnitude()
+        count = float(counts[off_rad < limit_rad].sum())
+        if count > best_count:
+            best, best_count = cameras, count
+    return best
 
 
 def _along_tree(

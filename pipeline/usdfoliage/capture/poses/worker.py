@@ -19,6 +19,7 @@ import pycolmap
 from numpy.typing import NDArray
 
 from usdfoliage.capture.folder.photo_set import read_gray
+from usdfoliage.capture.poses.adjustment import adjust_cameras, known_camera, match_with_cameras
 from usdfoliage.capture.poses.child_process import JOB
 from usdfoliage.capture.poses.pairs import MatchSettings, match_descriptors
 from usdfoliage.errors import CaptureError
@@ -48,6 +49,8 @@ def main(arguments: Sequence[str]) -> int:
         "match": _match_photos,
         "turns": _find_turns,
         "map": _map_photos,
+        "match-again": match_with_cameras,
+        "adjust": _adjust,
     }
     task = tasks[job["task"]]
     for number, item in job["items"]:
@@ -112,14 +115,14 @@ def _coarsest(feature_file: str, count: int) -> NDArray[np.uint8]:
 def _match_photos(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
     """Matches of one photograph with others, those that one motion of a camera explains."""
     first = read_arrays(Path(job["features"][item["first"]]))
-    camera = _camera(1, job["cameras"][item["first"]])
+    camera = known_camera(1, job["cameras"][item["first"]])
     settings = MatchSettings(max_ratio=job["max_ratio"])
     counts, configs, angles, geometry, matches = [], [], [], [], [np.zeros((0, 2), np.uint32)]
     tried = []
     for second_index in item["seconds"]:
         second = read_arrays(Path(job["features"][second_index]))
         matched = match_descriptors(first["descriptors"], second["descriptors"], settings)
-        found = _verify(first, second, camera, _camera(2, job["cameras"][second_index]), matched, job["seed"])
+        found = _verify(first, second, camera, known_camera(2, job["cameras"][second_index]), matched, job["seed"])
         inliers = np.asarray(found.inlier_matches, np.uint32).reshape(-1, 2)
         tried.append(len(matched))
         counts.append(len(inliers))
@@ -176,8 +179,8 @@ def _find_turns(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
         motion = pycolmap.estimate_essential_matrix(
             first["keypoints"][matches[:, 0], :2].astype(np.float64),
             second["keypoints"][matches[:, 1], :2].astype(np.float64),
-            _camera(1, job["cameras"][number]),
-            _camera(2, job["cameras"][second_number]),
+            known_camera(1, job["cameras"][number]),
+            known_camera(2, job["cameras"][second_number]),
             options,
         )
         if motion is None:
@@ -203,14 +206,6 @@ def _geometry(found: "pycolmap.TwoViewGeometry") -> NDArray[np.float64]:
     return packed
 
 
-def _camera(camera_id: int, values: Mapping[str, Any]) -> "pycolmap.Camera":
-    camera = pycolmap.Camera.create_from_model_name(
-        camera_id, values["model"], values["focal_px"], values["width_px"], values["height_px"]
-    )
-    camera.has_prior_focal_length = values["known"]
-    return camera
-
-
 def _map_photos(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
     """Cameras and points of the largest group of photographs that hang together."""
     with tempfile.TemporaryDirectory(prefix=JOB, dir=Path(item["out"]).parent) as folder:
@@ -222,6 +217,11 @@ def _map_photos(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
         models = _map_globally(database, job) if job["mapper"] == "global" else _map_incrementally(database, job)
     models = sorted(models, key=lambda model: (-model.num_reg_images(), -model.num_points3D()))
     return _pack(models, job)
+
+
+def _adjust(item: Mapping[str, Any], job: Mapping[str, Any]) -> Arrays:
+    """Cameras and points of a model whose photographs were matched again."""
+    return _pack([adjust_cameras(item, job, _write_database)], job)
 
 
 def _min_database_bytes(job: Mapping[str, Any]) -> int:
@@ -238,7 +238,7 @@ def _write_database(path: Path, job: Mapping[str, Any]) -> None:
             group = values["group"]
             if group not in cameras:
                 cameras[group] = group + 1
-                database.write_camera(_camera(group + 1, values), use_camera_id=True)
+                database.write_camera(known_camera(group + 1, values), use_camera_id=True)
                 rig = pycolmap.Rig()
                 rig.rig_id = group + 1
                 rig.add_ref_sensor(pycolmap.sensor_t(type=pycolmap.SensorType.CAMERA, id=group + 1))
