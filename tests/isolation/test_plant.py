@@ -146,6 +146,22 @@ def test_another_plant_among_the_cameras_is_left_out_with_a_remark(color, away_m
     assert ("isolation-other-plant" in [each.code for each in found.remarks]) == remarked
 
 
+def test_within_masks_what_is_green_is_of_the_plant_and_what_is_not_is_not() -> None:
+    """A second stem, a piece of wall and specks of wrong depth, without the floor that would link the stems."""
+    scene = Scene()
+    scene.shell((0, 0.35, 0), 0.3)
+    scene.shell((-0.85, 0.35, 0), 0.15, name="stem")
+    scene.shell((0.85, 0.35, 0), 0.1, name="wall", color=CLOTH)
+    scene.add("specks", np.array([[0.9, 1.0, 0.9], [-0.9, 1.2, 0.9]]), LEAF)
+    places, axes = ring_of_cameras((0, 0.35, 0), 1.1)
+    for within_masks in (False, True):
+        found = isolate_plant(scene.points_m, scene.srgb, places, axes, within_masks=within_masks)
+        assert kept(scene, found, "plant") > 0.97
+        assert (kept(scene, found, "stem") > 0.97) == within_masks
+        assert kept(scene, found, "wall") < 0.01
+        assert kept(scene, found, "specks") == 0
+
+
 def test_what_is_not_wanted_is_not_done() -> None:
     scene = potted_plant()
     found = isolate(scene, floor=False, container=False, outliers=False)

@@ -20,6 +20,8 @@ _MAX_POINTS = 3_000_000  # that the floor is looked for in, evenly chosen
 _COLOR_CELLS = 1.5  # fine cells, width in which colours are taken together: single pixels of soil may be green
 _DIM = 0.05  # of white: about as dark, soil in the shade is of any hue
 _FEW = 200  # points, about which nothing is known
+_GREEN = 0.3  # of the cells of a part of the plant; the rest is wood and what shows around it
+_PART = 0.01  # of the plant's green cells: a green piece within masks that has fewer is wrong depth
 _ANOTHER = 0.5  # of the plant's green cells: so many in one piece are another plant, fewer may be lost parts of it
 _SPREAD = (0.02, 0.98)  # quantiles that a cloud without focus is measured between
 
@@ -84,6 +86,7 @@ def isolate_plant(
     positions_m: NDArray[np.float64],
     axes: NDArray[np.float64],
     settings: IsolationSettings = IsolationSettings(),
+    within_masks: bool = False,
 ) -> IsolatedPlant:
     """Separate the plant of a cloud from the floor, its pot, and all that is not linked with it.
 
@@ -93,6 +96,8 @@ def isolate_plant(
         positions_m: (V, 3), where the cameras stand.
         axes: (V, 3), where they look, of length 1.
         settings: What is left out.
+        within_masks: Whether the points are those that somebody's masks show. What is green is then of the plant,
+            linked or not: the floor between its stems is missing.
 
     Raises:
         ValueError: Arrays do not fit together.
@@ -139,6 +144,8 @@ def isolate_plant(
         if support is not None:
             of_plant[of_plant] = ~find_lying(cells_m[of_plant], over_m[of_plant], support.layer_m, settings.lying)
         excess = _smooth_excess(colors[left], number_cells(points_m[left], _COLOR_CELLS * cell_m))
+        if within_masks:
+            of_plant |= _green_pieces(cells_m, excess[first] > MIN_EXCESS, of_plant, settings.pieces.gap * scale_m)
         if settings.outliers:
             kind[left[~of_plant[cell]]] = PointKind.OUTLIER
             share = _share_of_another(cells_m, over_m, excess[first] > MIN_EXCESS, of_plant, focus, settings.pieces)
@@ -176,6 +183,20 @@ def isolate_plant(
             np.maximum.at(top_m, piece, heights_m[left])
             kind[left[top_m[piece] < container.soil_m]] = PointKind.CONTAINER
     return IsolatedPlant(kind=kind, focus=focus, support=support, container=container, remarks=tuple(remarks))
+
+
+def _green_pieces(
+    cells_m: NDArray[np.float64], green: NDArray[np.bool_], of_plant: NDArray[np.bool_], gap_m: float
+) -> NDArray[np.bool_]:
+    """(N,) which other cells (N, 3) are of pieces that are green enough, and large enough, to be parts of the plant."""
+    found = np.zeros(len(green), bool)
+    other = ~of_plant
+    if other.any():
+        piece = touching_parts(cells_m[other], gap_m)
+        count, of_leaves = np.bincount(piece), np.bincount(piece, green[other])
+        is_part = (of_leaves >= _GREEN * count) & (of_leaves >= _PART * np.count_nonzero(green & of_plant))
+        found[other] = is_part[piece]
+    return found
 
 
 def _share_of_another(

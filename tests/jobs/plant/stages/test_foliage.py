@@ -82,6 +82,11 @@ def test_points_on_leaves_are_covered_and_those_elsewhere_are_not() -> None:
     assert leaf_cover(on_m, leaves) == 1
     assert leaf_cover(on_m + 10, leaves) == 0
     assert leaf_cover(np.concatenate([on_m, on_m + 10]), leaves) == pytest.approx(0.5)
+    both_m = np.concatenate([on_m, on_m + 10])
+    green, grey = np.tile([[60, 140, 40]], (len(on_m), 1)), np.tile([[120, 120, 120]], (len(on_m), 1))
+    assert leaf_cover(both_m, leaves, np.concatenate([green, grey]).astype(np.uint8)) == 1  # a wall behind the plant
+    for colors in ((green, green), (grey, grey), (grey, green)):
+        assert leaf_cover(both_m, leaves, np.concatenate(colors).astype(np.uint8)) == pytest.approx(0.5)
     assert leaf_cover(np.zeros((0, 3)), leaves) == leaf_cover(on_m, leaves.take(np.zeros(0, int))) == 0
 
 

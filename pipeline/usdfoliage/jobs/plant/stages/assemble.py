@@ -197,7 +197,8 @@ def _cover(call: StageCall, leaves: Leaves, plant_from_capture: NDArray[np.float
     folder = plant_capture(call)
     cloud = read_cloud(folder / CLOUD_FILE)
     some = np.linspace(0, len(cloud) - 1, min(len(cloud), _MAX_POINTS)).astype(np.int64)
-    return leaf_cover(cloud.points_m[some] @ plant_from_capture[:3, :3].T + plant_from_capture[:3, 3], leaves)
+    points_m = cloud.points_m[some] @ plant_from_capture[:3, :3].T + plant_from_capture[:3, 3]
+    return leaf_cover(points_m, leaves, None if cloud.srgb is None else cloud.srgb[some])
 
 
 def _reached(traced: TracedPlant, chosen: ChosenFoliage) -> float:

@@ -13,6 +13,7 @@ from usdfoliage.branch.foliage.place import FoliageSettings as GrownSettings
 from usdfoliage.branch.foliage.species import GENERIC, load_species
 from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.errors import FoliageError
+from usdfoliage.isolation.vegetation import MIN_EXCESS, green_excess
 from usdfoliage.jobs.branches.foliage import (
     DRAWN_SPREAD,
     FITTED,
@@ -37,6 +38,7 @@ from usdfoliage.remarks import Remark, remark
 _ACROSS, _ALONG = 5, 9  # points of a leaf at which its cover is measured
 _NARROWEST = 0.1  # of a leaf's width: as slim as the points of a pod or a needle show it
 _SURE = 0.5  # confidence, from which a leaf that was found stays where others are drawn on the twigs
+_MOSTLY = 0.5  # of the points near leaves, from which on leaves are green ones
 _NEAR = 0.25  # of a leaf's length, within which a point of the cloud is of it
 
 
@@ -247,9 +249,20 @@ def near_leaves(points_m: NDArray[np.float64], leaves: Leaves) -> NDArray[np.boo
     return np.isfinite(away_m)
 
 
-def leaf_cover(points_m: NDArray[np.float64], leaves: Leaves) -> float:
-    """Which share of points (N, 3) lies near leaves; 0 without either."""
-    return float(near_leaves(points_m, leaves).mean()) if len(points_m) else 0.0
+def leaf_cover(points_m: NDArray[np.float64], leaves: Leaves, srgb: NDArray[np.uint8] | None = None) -> float:
+    """Which share of points (N, 3) lies near leaves; 0 without either.
+
+    Of colours (N, 3), where leaves are green, those of the points that are green alone count: the cloud may show the
+    wall behind a plant too.
+    """
+    if not len(points_m):
+        return 0.0
+    near = near_leaves(points_m, leaves)
+    if srgb is not None and near.any():
+        green = green_excess(srgb) > MIN_EXCESS
+        if green[near].mean() >= _MOSTLY:
+            near = near[green]
+    return float(near.mean())
 
 
 def _choose(

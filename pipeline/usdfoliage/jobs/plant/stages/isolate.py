@@ -19,7 +19,7 @@ from usdfoliage.capture.folder.depth_map import DEPTH_SUFFIXES
 from usdfoliage.capture.folder.hold_back import choose_withheld
 from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, file_of, files_below, named
 from usdfoliage.capture.folder.raster import apply_orientation, read_image_spec
-from usdfoliage.capture.folder.read import Capture, read_capture, read_view
+from usdfoliage.capture.folder.read import Capture, read_capture, read_view, read_view_remarked
 from usdfoliage.capture.folder.settings import FILE_NAME
 from usdfoliage.capture.lens import scale_lens, undistort
 from usdfoliage.errors import CaptureError, FoliageError
@@ -124,6 +124,7 @@ def _isolate(call: StageCall, source: Path) -> None:
         np.array([camera.position_m for camera in cameras]) @ turn.T,
         np.array([camera.cam_from_world[2, :3] for camera in cameras]) @ turn.T,
         isolation_settings(call.settings.isolation),
+        within_masks=_has_given_masks(capture),
     )
     share = found.share(PointKind.PLANT)
     remarks = list(found.remarks)
@@ -176,6 +177,15 @@ def _isolate(call: StageCall, source: Path) -> None:
     if masks:
         (call.out / _DRAWN).write_text("The masks of the photographs are drawn from the cloud.\n", encoding="utf-8")
     write_summary(call.out, StageSummary(rows=rows, remarks=remarks, pictures=pictures))
+
+
+def _has_given_masks(capture: Capture) -> bool:
+    """Whether the photographs have masks that are used: of three, all."""
+    some = {0, len(capture.views) // 2, len(capture.views) - 1}
+    try:
+        return all(read_view_remarked(capture, index)[0].mask is not None for index in some)
+    except CaptureError:  # of a photograph that cannot be read, the stage that reads all reports it
+        return False
 
 
 def isolation_settings(settings: IsolationStageSettings) -> IsolationSettings:
