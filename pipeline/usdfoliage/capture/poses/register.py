@@ -7,6 +7,7 @@ import json
 import logging
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +82,10 @@ def register_photos(
         match_files=tuple(match_files), pairs=found,
     )  # fmt: skip
     model, contradictions = map_photos(matched, work, settings, processes, progress_in_step("cameras", progress))
-    model = refine_cameras(matched, model, work, settings, processes, progress_in_step("refining", progress))
+    # Cameras that are probably wrong would only get more points that fit them.
+    seen = _measure_photos(matched, model)
+    if not check_cameras(seen.photos, seen.track_photos, seen.places_px, settings.min_matches):
+        model = refine_cameras(matched, model, work, settings, processes, progress_in_step("refining", progress))
     _check_moved(photo_set, model)
     return _registered(matched, model, failed, contradictions, settings)
 
@@ -265,15 +269,19 @@ def _check_moved(photo_set: PhotoSet, model: Model) -> None:
         )
 
 
-def _registered(
-    matched: MatchedPhotos,
-    model: Model,
-    failed: dict[int, str],
-    contradictions: tuple[Remark, ...],
-    settings: PoseEstimationSettings,
-) -> Registered:
-    photo_set, features, cameras, found = matched.photo_set, matched.features, matched.cameras, matched.pairs
-    photos = photo_set.photos
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _MeasuredPhotos:
+    """What the photographs of a model see of its points."""
+
+    photos: tuple[RegisteredPhoto, ...]
+    track_photos: NDArray[np.int64]  # (T,), numbers in photos
+    places_px: NDArray[np.float64]  # (T, 2), x and y at full size
+    errors_px: NDArray[np.float64]  # (T,)
+    point_of: NDArray[np.int64]  # (T,)
+
+
+def _measure_photos(matched: MatchedPhotos, model: Model) -> _MeasuredPhotos:
+    photos, features, cameras = matched.photo_set.photos, matched.features, matched.cameras
     images = model["images"]
     place_in = np.full(len(photos), -1, np.int64)
     place_in[images] = np.arange(len(images))
@@ -314,21 +322,38 @@ def _registered(
         )
         for place, index in enumerate(images)
     )
-    seen_by = np.maximum(np.diff(model["track_starts"]), 1)
-    track_photos = place_in[track[:, 0]]
-    checks = check_cameras(registered, track_photos, places_px, settings.min_matches)
-    return Registered(
+    return _MeasuredPhotos(
         photos=registered,
+        track_photos=place_in[track[:, 0]],
+        places_px=places_px,
+        errors_px=errors,
+        point_of=point_of,
+    )
+
+
+def _registered(
+    matched: MatchedPhotos,
+    model: Model,
+    failed: dict[int, str],
+    contradictions: tuple[Remark, ...],
+    settings: PoseEstimationSettings,
+) -> Registered:
+    photo_set, found, images, points = matched.photo_set, matched.pairs, model["images"], model["points"]
+    photos, seen = photo_set.photos, _measure_photos(matched, model)
+    seen_by = np.maximum(np.diff(model["track_starts"]), 1)
+    checks = check_cameras(seen.photos, seen.track_photos, seen.places_px, settings.min_matches)
+    return Registered(
+        photos=seen.photos,
         points=points,
-        srgb=_colors(photos, images, len(points), point_of, track_photos, places_px),
-        error_px=np.bincount(point_of, errors, len(points)) / seen_by,
+        srgb=_colors(photos, images, len(points), seen.point_of, seen.track_photos, seen.places_px),
+        error_px=np.bincount(seen.point_of, seen.errors_px, len(points)) / seen_by,
         track_starts=model["track_starts"],
-        track_photos=track_photos,
-        track_places_px=places_px,
+        track_photos=seen.track_photos,
+        track_places_px=seen.places_px,
         names=tuple(photo.name for photo in photos),
         matches=found.verified,
-        failures=list_failures(photo_set, features, model["group"], found, failed, settings.min_matches),
-        remarks=(*checks, *contradictions, *describe_poses(photos, images, found, registered, settings.min_matches)),
+        failures=list_failures(photo_set, matched.features, model["group"], found, failed, settings.min_matches),
+        remarks=(*checks, *contradictions, *describe_poses(photos, images, found, seen.photos, settings.min_matches)),
     )
 
 
