@@ -29,6 +29,7 @@ _MIN_RING = 6  # photographs, from which pairs can contradict each other
 _MIN_CONTRADICTING = 0.15  # share of the pairs, from which surfaces may repeat
 _MIN_IN_ORDER = 0.8  # of photographs that match the next one, from which they were taken in order
 _TURN_OFF_DEG = 2.0  # from which a pair contradicts a model
+_ALL_BUT_A_FEW = 0.95  # of the pairs that agree
 _ALLOWED = 2.0  # times the limit of pairs that agree: they are chosen from once more, by their features
 _MIN_KEPT = 0.9  # of the photographs that all pairs place
 
@@ -81,6 +82,8 @@ def map_photos(
         return model, ()
     precise = agreement.off_rad < agreement.limit_rad
     fewest = 1 + _count_agreeing(model, pairs[precise], turns.turn[precise])
+    if fewest > _ALL_BUT_A_FEW * np.count_nonzero(precise):  # what contradicts the others did not mislead the mapper
+        return model, ()
     for limit_rad in (_ALLOWED * agreement.limit_rad, loose_rad):  # the second where too few pairs agree precisely
         agree = agreement.off_rad < limit_rad
         try:
