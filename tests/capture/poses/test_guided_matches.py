@@ -49,7 +49,7 @@ def test_all_that_both_see_match(seed):
 
 
 def test_repeated_features_match_where_none_did():
-    """Each descriptor is there three times: without cameras none is told from the others."""
+    """Each descriptor is there three times: without cameras none differs from the others."""
     first, second, place = two_views(1, repeated=3)
     assert not len(match_descriptors(first.descriptors, second.descriptors))
     matches = match_near_lines(first, second, MOTION)
