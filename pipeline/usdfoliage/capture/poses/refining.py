@@ -30,7 +30,7 @@ def refine_cameras(
 ) -> Model:
     """The model, with cameras adjusted to features that match along the epipolar lines of its cameras.
 
-    Where few features are told from all others of a photograph, as on a plant before a plain wall or between walls
+    Where few features of a photograph differ from all its others, as on a plant before a plain wall or between walls
     that look the same, cameras are only about right. Near a line a feature has few rivals, and many more match.
 
     Args:
