@@ -61,6 +61,10 @@ def test_an_exception_that_compiled_code_prints_is_not_heard():
         "import ctypes\n"
         "assert ctypes.pythonapi.PyRun_SimpleString(b'1 +') == -1\n"
         "print(*noise.lines()[-1:])\n"
+        "noise._take = lambda: None\n"  # nobody reads, and the pipe is full
+        "import threading\n"
+        "try:\n  while True: os.write(2, b'x' * 4096)\nexcept BlockingIOError: pass\n"
+        "assert ctypes.pythonapi.PyRun_SimpleString(b'1 +') == -1\n"
         "raise KeyError('ours')"
     )
     assert (ended.returncode, ended.stdout.partition(b":")[0], ended.stderr.count(b"SyntaxError")) == (
@@ -69,6 +73,16 @@ def test_an_exception_that_compiled_code_prints_is_not_heard():
         0,
     )
     assert ended.stderr.endswith(b"KeyError: 'ours'\n")
+
+
+def test_warnings_of_python_modules_are_not_heard():
+    ended = divert(
+        "import numpy as np\nimport warnings\n"
+        "np.float64(1e300) * np.float64(1e300)\nwarnings.warn('old', UserWarning)\n"
+        "print(*(line for line in noise.lines() if 'Warning' in line), sep='\\n')"
+    )
+    assert (ended.returncode, ended.stderr) == (0, b"")
+    assert [line.split(b":")[2] for line in ended.stdout.splitlines()] == [b" RuntimeWarning", b" UserWarning"]
 
 
 def test_a_library_that_prints_much_neither_waits_nor_takes_memory():

@@ -214,6 +214,9 @@ FOUND: tuple[tuple[int, str, int], ...] = (
     (73, "binary/cameras/images.bin", 1),  # cameras of one photograph; the message named the output
     (72, "plants/tree/payload/skeleton.usdc", 14),  # numbers that are none, in validate
     (74, "settings leaves", 9),  # a grid of 2^31 columns
+    (74, "plants/spray/payload/leaves.usdc", 21),  # an exception that USD prints, in validate
+    (76, "cloud ascii.ply", 2),  # a warning of numpy
+    (76, "plants/spray/payload/leaves.usdc", 28),  # another one, in validate
 )
 
 

@@ -166,7 +166,8 @@ def _read_requests(
 
     settings = read_settings(options)  # once: a fault in it is one of all plants
     first = read_request(options, listed.entries[0].capture, options.output / "plant", None)
-    requests, failed, folder = [], [], options.output.absolute()
+    here = Path.cwd()  # once for all
+    requests, failed, folder = [], [], here / options.output
     for entry in listed.entries:
         try:
             own = settings
@@ -177,7 +178,7 @@ def _read_requests(
             failed.append(describe_failed(entry.name, entry.capture.name, explain_entry(entry, error)))
             continue
         output = folder / entry.name
-        requests.append(replace(first, capture=entry.capture.absolute(), output=output, name=entry.name, settings=own))
+        requests.append(replace(first, capture=here / entry.capture, output=output, name=entry.name, settings=own))
     return requests, failed
 
 

@@ -12,8 +12,10 @@ import select
 import sys
 import threading
 import traceback
+import warnings
+from contextlib import suppress
 from types import TracebackType
-from typing import Any
+from typing import Any, TextIO
 
 from usdfoliage.files.printable import printable
 
@@ -78,11 +80,24 @@ def move_streams(noise: int) -> None:
     """Move sys.stdout and sys.stderr to descriptors of their own, and put a pipe where they were.
 
     Exceptions that compiled code prints instead of raising them, as USD does while it unpacks a damaged crate, go
-    there too.
+    there too, and so do the warnings of Python modules, as numpy's on numbers that nothing can be done with.
     """
     sys.stdout, sys.stderr = _moved(sys.stdout, 1, noise), _moved(sys.stderr, 2, noise)
     vars(sys).update(__stdout__=sys.stdout, __stderr__=sys.stderr)  # by which the width of a terminal is asked
     sys.excepthook = _print_exception
+    warnings.showwarning = _print_warning
+
+
+def _print_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """A warning of a Python module, where the noise of libraries goes."""
+    _write_noise(warnings.formatwarning(message, category, filename, lineno, line))
 
 
 def _print_exception(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
@@ -90,7 +105,12 @@ def _print_exception(kind: type[BaseException], error: BaseException, trace: Tra
     if trace is not None:
         sys.__excepthook__(kind, error, trace)
         return
-    os.write(2, "".join(traceback.format_exception_only(kind, error)).encode(errors="backslashreplace"))
+    _write_noise("".join(traceback.format_exception_only(kind, error)))
+
+
+def _write_noise(text: str) -> None:
+    with suppress(BlockingIOError):  # the pipe is full: what does not fit is lost
+        os.write(2, text.encode(errors="backslashreplace"))
 
 
 def _moved(stream: Any, number: int, noise: int) -> Any:

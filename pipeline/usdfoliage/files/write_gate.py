@@ -144,6 +144,7 @@ class _Index:
     absent: dict[str, list[int]]  # of places where there is nothing yet, by their paths
     above: dict[_Identity, list[int]]  # by the folders that the place is in
     below: dict[_Identity, list[int]]  # by what is in the place and can be reached by another name
+    _around: dict[str, tuple[int, ...]] = field(default_factory=dict)  # of folders: places that they are, or lie in
 
     @classmethod
     def of(cls, places: Sequence[_Place], *, look_below: bool) -> "_Index":
@@ -167,11 +168,23 @@ class _Index:
             for each in other.above if other.identity is None else (other.identity, *other.above):
                 numbers += self.same.get(each, ())
         if self.absent:
-            path, earlier = str(other.real), ""
-            while path != earlier:  # texts, as a Path takes ten times as long
+            path = str(other.real)
+            numbers += self.absent.get(path, ())
+            folder = os.path.dirname(path)  # noqa: PTH120 - texts, as a Path takes ten times as long
+            if folder != path:
+                numbers += self._absent_around(folder)
+        return sorted(numbers)
+
+    def _absent_around(self, folder: str) -> tuple[int, ...]:
+        """The places, of those where there is nothing yet, that a folder is, or lies in."""
+        if folder not in self._around:
+            numbers: list[int] = []
+            path, earlier = folder, ""
+            while path != earlier:
                 numbers += self.absent.get(path, ())
                 path, earlier = os.path.dirname(path), path  # noqa: PTH120
-        return sorted(numbers)
+            self._around[folder] = tuple(numbers)
+        return self._around[folder]
 
     def meeting(self, read: _Place, folders: dict[Path, _Folder]) -> list[int]:
         """The places that may have to do with what is read there."""

@@ -89,7 +89,7 @@ def test_a_list_for_the_record():
         ("note = 1", r"note must be a text"),
         ("method = 'three'", r"method must be one of one, two, not 'three'"),
         ("[inner]\nturns = 2.5", r"inner\.turns must be a whole number, not 2\.5"),
-        ("[inner]\nturns = 1000000001", r"inner\.turns must be at most 1,000,000,000, not 1,000,000,001"),
+        ("[inner]\nturns = 1000000001", r"inner\.turns must be -1,000,000,000 to 1,000,000,000, not 1,000,000,001"),
         ("[inner]\nturns = 0", r"\[inner\] turns must be 1 or more, not 0"),
         ("[inner]\ngate = 'none'", r"inner\.gate must be a number or \"auto\", not 'none'"),
         ("[inner]\nsizes = 2", r"inner\.sizes must be a list"),

@@ -84,7 +84,8 @@ def map_photos(
     fewest = 1 + _count_agreeing(model, pairs[precise], turns.turn[precise])
     if fewest > _ALL_BUT_A_FEW * np.count_nonzero(precise):  # what contradicts the others did not mislead the mapper
         return model, ()
-    for limit_rad in (_ALLOWED * agreement.limit_rad, loose_rad):  # the second where too few pairs agree precisely
+    # The wider limit where too few pairs agree precisely.
+    for limit_rad in (min(_ALLOWED * agreement.limit_rad, loose_rad), loose_rad):
         agree = agreement.off_rad < limit_rad
         try:
             other = _map(replace(matched, only=_as_pairs(pairs[agree])), work, settings, progress)
@@ -99,6 +100,32 @@ def map_photos(
         )
         return other, (remark("pairs-contradict", text),)
     return model, ()
+
+
+def drop_unseeing(model: Model, min_points: int) -> Model:
+    """The model without photographs that see fewer points: nothing determines their cameras."""
+    while True:
+        seen = np.bincount(model["track"][:, 0], minlength=int(model["images"].max(initial=0)) + 1)[model["images"]]
+        if (seen >= min_points).all():
+            return model
+        keep, dropped = seen >= min_points, model["images"][seen < min_points]
+        starts, track = model["track_starts"], model["track"]
+        point_of = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+        stays = ~np.isin(track[:, 0], dropped)
+        views = np.bincount(point_of[stays], minlength=len(starts) - 1)
+        whole = views >= 2  # photographs, without which a point is none
+        stays &= whole[point_of]
+        group = model["group"].copy()
+        group[dropped] = -1
+        model = {
+            **model,
+            **{name: model[name][keep] for name in ("images", "cam_from_world", "parameters")},
+            "points": model["points"][whole],
+            "errors": model["errors"][whole],
+            "track_starts": np.concatenate([[0], np.cumsum(views[whole])]).astype(np.int64),
+            "track": track[stays],
+            "group": group,
+        }
 
 
 def _as_pairs(numbers: NDArray[np.int64]) -> tuple[tuple[int, int], ...]:
@@ -120,17 +147,16 @@ def _find_turns(
 ) -> tuple[NDArray[np.int64], PairTurns]:
     """Pairs (P, 2), and how the camera turned in each, by the lenses of a model; photographs as in usable there."""
     place = {int(photo): k for k, photo in enumerate(model["images"])}
-    others_px = float(np.median(model["parameters"][:, 0]))
-    cameras = [
-        {
-            **matched.cameras[index],
-            "focal_px": float(model["parameters"][place[index], 0]) if index in place else others_px,
-            "known": True,
-        }
-        if index in matched.cameras
-        else None
-        for index in range(len(matched.features))
-    ]
+    sides_px = {index: max(camera["width_px"], camera["height_px"]) for index, camera in matched.cameras.items()}
+    focal = float(np.median([model["parameters"][at, 0] / sides_px[index] for index, at in place.items()]))
+    cameras = []
+    for index in range(len(matched.features)):
+        camera = matched.cameras.get(index)
+        if camera is not None and index in place:
+            camera = {**camera, "parameters": model["parameters"][place[index]].tolist(), "known": True}
+        elif camera is not None:
+            camera = {**camera, "focal_px": focal * sides_px[index], "known": True}
+        cameras.append(camera)
     job = {"task": "turns", "seed": settings.seed, "min_matches": settings.min_matches}
     items = [
         {"matches": str(file.resolve()), "out": str(work / f"turns-{name_of(job, cameras, file.name)}.npz")}

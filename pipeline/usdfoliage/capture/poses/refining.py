@@ -7,14 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.poses.child_process import run_items
-from usdfoliage.capture.poses.mapping import MatchedPhotos, Model
+from usdfoliage.capture.poses.mapping import MatchedPhotos, Model, drop_unseeing
 from usdfoliage.capture.poses.settings import PoseEstimationSettings, name_of
 from usdfoliage.files.npz import read_arrays
 from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
 
-_FEW_POINTS = 500  # that a photograph sees in the median, below which cameras are refined
+_FEW_POINTS = 500  # that a photograph sees in the median, below which refining moved cameras of our captures nearer
+_FOCAL_CHANGE = 0.1  # share of the focal length, from which an adjusted one is wrong
 _WIDEST_DEG = 70.0  # between the directions from which two photographs see the plant
 _COMPANIONS = 10  # photographs that each is matched with, the nearest in direction
 _ROUNDS = ((6.0, 4.0), (3.0, 2.0))  # pixels: from the epipolar line, and of a point from where it is seen
@@ -42,7 +43,8 @@ def refine_cameras(
         progress: Called with photographs matched.
 
     Returns:
-        The given model where its photographs see enough points, or where refining fails or finds fewer points.
+        The given model where its photographs see enough points; otherwise that of the last round that neither failed,
+        nor lost a photograph or points, nor changed a focal length by a tenth.
     """
     seen = np.bincount(model["track"][:, 0], minlength=len(matched.features))[model["images"]]
     if len(seen) < 3 or np.median(seen) >= _FEW_POINTS:
@@ -50,6 +52,10 @@ def refine_cameras(
     for line_px, error_px in _ROUNDS:
         refined = _refine_once(matched, model, line_px, error_px, work, settings, processes, progress)
         if refined is None or len(refined["points"]) < len(model["points"]):
+            return model
+        change = np.abs(refined["parameters"][:, 0] / model["parameters"][:, 0] - 1)
+        if not change.max() < _FOCAL_CHANGE:
+            logger.info("cameras are not refined: a focal length would change by %.0f %%", 100 * change.max())
             return model
         model = refined
     return model
@@ -105,7 +111,8 @@ def _refine_once(
     refined["images"] = order
     refined["track"] = np.column_stack([order[refined["track"][:, 0]], refined["track"][:, 1]])
     refined["group"] = model["group"]
-    return refined
+    seeing = drop_unseeing(refined, settings.min_matches)
+    return refined if len(seeing["images"]) == len(images) else None
 
 
 def _companions(cam_from_world: NDArray[np.float64], points: NDArray[np.float64]) -> dict[int, list[int]]:

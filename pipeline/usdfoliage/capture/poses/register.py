@@ -19,7 +19,7 @@ from usdfoliage.capture.folder.photo_set import PhotoFile, PhotoSet, read_colors
 from usdfoliage.capture.lens import Lens, scale_lens
 from usdfoliage.capture.poses.child_process import run_items
 from usdfoliage.capture.poses.diagnosis import check_cameras, describe_poses, list_failures
-from usdfoliage.capture.poses.mapping import MatchedPhotos, Model, map_photos
+from usdfoliage.capture.poses.mapping import MatchedPhotos, Model, drop_unseeing, map_photos
 from usdfoliage.capture.poses.pairs import all_pairs, neighbors_in_order, retrieve_pairs
 from usdfoliage.capture.poses.refining import refine_cameras
 from usdfoliage.capture.poses.result import PairMatches, RegisteredPhoto, project_with
@@ -82,10 +82,14 @@ def register_photos(
         match_files=tuple(match_files), pairs=found,
     )  # fmt: skip
     model, contradictions = map_photos(matched, work, settings, processes, progress_in_step("cameras", progress))
+    model = drop_unseeing(model, settings.min_matches)
     # Cameras that are probably wrong would only get more points that fit them.
     seen = _measure_photos(matched, model)
     if not check_cameras(seen.photos, seen.track_photos, seen.places_px, settings.min_matches):
-        model = refine_cameras(matched, model, work, settings, processes, progress_in_step("refining", progress))
+        refined = refine_cameras(matched, model, work, settings, processes, progress_in_step("refining", progress))
+        seen = _measure_photos(matched, refined)
+        if not check_cameras(seen.photos, seen.track_photos, seen.places_px, settings.min_matches):
+            model = refined
     _check_moved(photo_set, model)
     return _registered(matched, model, failed, contradictions, settings)
 

@@ -131,7 +131,7 @@ def _check(value: Any, wanted: Any, key: str, path: Path) -> Any:
     if not fits:
         raise FoliageError(f"{key} must be {_describe(wanted)}, not {value!r} ({path})")
     if wanted is int and abs(value) > MAX_COUNT and key.rpartition(".")[2] != "seed":
-        raise FoliageError(f"{key} must be at most {MAX_COUNT:,}, not {value:,} ({path})")
+        raise FoliageError(f"{key} must be {-MAX_COUNT:,} to {MAX_COUNT:,}, not {value:,} ({path})")
     return value
 
 

@@ -48,6 +48,7 @@ _MAX_POINTS = 50_000  # of the cloud, from which that share is measured
 _MAX_CHARACTERS = 400  # characters of why a part could not be made
 _LEFT_OUT = ("branches-left-out", "crown-of-no-leaves")  # codes of remarks on why a plant has no such part
 
+_COVER = "of the cloud is near leaves; where leaves are green, of its green points"
 LEAF_NUMBERS = "leaf_numbers.npz"  # number (L,): which leaf of the asset each found one is, -1 for none
 ASSET_FOLDER = "asset"  # in the result of a stage that writes one
 
@@ -156,7 +157,17 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         write_arrays(call.out / LEAF_NUMBERS, {"number": number_of})
     rows = [
         *facts.count_rows(),
-        *([Row(name="cover", value=f"{cover:.0%}", remark="of the cloud is near leaves")] if cover is not None else []),
+        *(
+            [
+                Row(
+                    name="cover",
+                    value=f"{cover:.0%}",
+                    remark=_COVER,
+                )
+            ]
+            if cover is not None
+            else []
+        ),
         *chosen.rows,
     ]
     write_summary(call.out, StageSummary(rows=rows, remarks=remarks, poor=bool(undrawn)))
