@@ -42,6 +42,7 @@ class PicturedPlant:
     capture: str  # in the data: photographs and cameras; nothing else of it is used
     photograph: str  # its name
     is_beside: bool = False  # whether the photograph is in a capture beside that one, in the same frame
+    hold_back: int | None = None  # every so many photographs, from the third on, one is withheld from the build
 
 
 ROWS: tuple[tuple[PicturedPlant | Path, ...], ...] = (  # a path: a pair that was drawn before
@@ -55,8 +56,8 @@ ROWS: tuple[tuple[PicturedPlant | Path, ...], ...] = (  # a path: a pair that wa
         Path("docs/arabidopsis.jpg"),  # of cameras that the data has in a format of its robot's
     ),
     (
-        PicturedPlant(name="pot", capture="synthetic/pot", photograph="004.jpg"),
-        PicturedPlant(name="tree", capture="synthetic/tree_leaf_on", photograph="000.jpg"),
+        PicturedPlant(name="pot", capture="synthetic/pot", photograph="007.jpg", hold_back=5),
+        PicturedPlant(name="tree", capture="synthetic/tree_leaf_on", photograph="002.jpg", hold_back=6),
     ),
 )
 
@@ -112,7 +113,9 @@ def build(plant: PicturedPlant, data: Path, folder: Path) -> Path:
     if asset.exists():
         return asset
     capture = copy_capture(data / plant.capture, folder / "capture")
-    words = [capture, "-o", asset, "--work", folder / "work"]
+    words: list[str | Path] = [capture, "-o", asset, "--work", folder / "work"]
+    if plant.hold_back is not None:
+        words += ["--hold-back", str(plant.hold_back)]
     subprocess.run([sys.executable, "-m", "usdfoliage", "build", *map(str, words)], check=True)
     return asset
 
