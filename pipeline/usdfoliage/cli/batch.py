@@ -63,13 +63,10 @@ def declare(options: argparse.Namespace) -> Access:
 
     options.listed = read_library(options.list)  # what is declared is what is built, should the list change meanwhile
     work = find_work_folder(options.work, options.output / "plant")
+    outputs = [options.output / entry.name for entry in options.listed.entries]
     plants = [
-        Access(
-            reads=(*parts_of_input(entry.capture, options.output / entry.name), *given(entry.plan)),
-            replaces=(options.output / entry.name,),
-            fills=(work,),
-        )
-        for entry in options.listed.entries
+        Access(reads=(*parts_of_input(entry.capture, output), *given(entry.plan)), replaces=(output,), fills=(work,))
+        for entry, output in zip(options.listed.entries, outputs, strict=True)
     ]
     own = given(None if options.list.is_dir() else options.list, options.plan, options.profile)
     return join_access([Access(reads=own), *plants])

@@ -122,6 +122,8 @@ class _Place:
 
     def look_below(self, *, follow: bool) -> "_Tree":
         """What is in it, with what its symbolic links lead to or without."""
+        if self.identity is None:  # of 100,000 inputs that are not there, nothing is looked for
+            return _NOTHING
         if follow not in self._trees:
             self._trees[follow] = _walk(self.real, follow=follow)
         return self._trees[follow]
@@ -134,6 +136,9 @@ class _Tree:
     folders: dict[_Identity, Path]
     hard_links: dict[_Identity, Path]  # files with several names
     links: dict[Path, Path]  # symbolic links, and where they lead
+
+
+_NOTHING = _Tree(folders={}, hard_links={}, links={})
 
 
 @dataclass(frozen=True, kw_only=True)

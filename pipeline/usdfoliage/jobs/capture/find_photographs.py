@@ -43,6 +43,14 @@ class GivenPhotographs:
         return self.folder / WORK
 
 
+def require_there(source: Path) -> None:
+    """Raise a CaptureError where a source is no folder that exists."""
+    if not source.is_dir():
+        raise CaptureError(
+            f"{source} does not exist", f"give a folder of photographs, a video, or a capture with {IMAGES}/"
+        )
+
+
 def find_photographs(source: Path, output: Path | None, frames: VideoFrames | None = None) -> GivenPhotographs:
     """What a user means by an input and an output; nothing is written.
 
@@ -58,10 +66,7 @@ def find_photographs(source: Path, output: Path | None, frames: VideoFrames | No
         return _as_photographs(source, check_video_output(source, output), frames)
     if source.is_file():
         raise CaptureError(f"{source} is one file", "give the folder of at least two photographs, or a capture")
-    if not source.is_dir():
-        raise CaptureError(
-            f"{source} does not exist", f"give a folder of photographs, a video, or a capture with {IMAGES}/"
-        )
+    require_there(source)
     is_capture = (source / IMAGES).is_dir()
     images = source / IMAGES if is_capture else source
     below = files_below(images) if is_capture else _files_in(images)

@@ -15,7 +15,7 @@ from usdfoliage.capture.video.settings import VideoSettings
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import digest_file
 from usdfoliage.files.json import read_json
-from usdfoliage.jobs.capture.find_photographs import find_photographs
+from usdfoliage.jobs.capture.find_photographs import find_photographs, require_there
 from usdfoliage.jobs.capture.video_frames import VideoFrames, find_video, lay_frames
 from usdfoliage.jobs.plant.settings import LeafDepth
 from usdfoliage.jobs.plant.store import Store
@@ -76,6 +76,8 @@ def find_inputs(
         is_file = source.is_file()
     except OSError as error:  # such a name cannot be
         raise CaptureError(f"{str(source)[:80]}… cannot be read: {error.strerror}", "name a capture") from error
+    if not is_file and source.suffix.lower() not in CLOUD_SUFFIXES and not source.exists():
+        require_there(source)
     if is_cloud_input(source):
         check_cloud_file(source)
     given_video = find_video(source)
