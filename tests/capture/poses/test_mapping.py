@@ -89,6 +89,8 @@ def test_pairs_that_contradict_are_left_out_where_that_agrees_better(monkeypatch
     model, codes, count = choose(monkeypatch, matched, turns, [turned(20), turned(0)])
     np.testing.assert_array_equal(model["cam_from_world"], turned(0)["cam_from_world"])
     assert (codes, count) == (["pairs-contradict"], 2)
+    _, right = ring()
+    np.testing.assert_array_equal(model["pairs"], np.column_stack([turns.first, turns.second])[right])
 
 
 def test_a_model_that_nothing_misled_stays_without_another_run(monkeypatch, matched):

@@ -25,8 +25,12 @@ def list_failures(
     found: PairMatches,
     failed: dict[int, str],
     min_matches: int,
+    used: NDArray[np.int64] | None = None,
 ) -> tuple[Unregistered, ...]:
-    """Each photograph without a camera, those left out of the set among them, with the likely reason."""
+    """Each photograph without a camera, those left out of the set among them, with the likely reason.
+
+    Of used pairs (P, 2), where others contradicted them, the reason gives how many of the photograph's pairs did.
+    """
     photos = photo_set.photos
     in_group = np.flatnonzero(group == 0)
     blurred = set(photo_set.blurred)
@@ -56,6 +60,10 @@ def list_failures(
                 )
             elif to_group < min_matches:
                 reason = f"it overlaps only photographs that have no camera either{hint}"
+            elif used is not None and np.count_nonzero(used == index) < np.count_nonzero(others):
+                pairs = counted(int(np.count_nonzero(others)), "pair")
+                contradicting = int(np.count_nonzero(others) - np.count_nonzero(used == index))
+                reason = f"{contradicting} of its {pairs} contradict those of the other photographs{hint}"
             elif bool((turned == others).all()):
                 reason = f"the camera only turned between it and the others, and did not move{hint}"
             else:

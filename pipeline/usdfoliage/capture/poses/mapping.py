@@ -22,7 +22,9 @@ from usdfoliage.remarks import Remark, remark
 
 logger = logging.getLogger(__name__)
 
-Model = dict[str, NDArray[Any]]  # what the worker packs; photographs are numbered as in the set
+# What the worker packs; photographs are numbered as in the set. With pairs (P, 2) where some contradicted the others:
+# those that were used.
+Model = dict[str, NDArray[Any]]
 
 _MIN_MODEL = 2  # photographs
 _MIN_RING = 6  # photographs, from which pairs can contradict each other
@@ -98,7 +100,7 @@ def map_photos(
             f"{int(np.count_nonzero(~agree))} of {counted(len(agree), 'pair')} of photographs contradict the others, "
             f"as walls or tiles that look the same make them; they are not used"
         )
-        return other, (remark("pairs-contradict", text),)
+        return {**other, "pairs": pairs[agree]}, (remark("pairs-contradict", text),)
     return model, ()
 
 

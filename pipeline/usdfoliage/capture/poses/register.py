@@ -82,7 +82,10 @@ def register_photos(
         match_files=tuple(match_files), pairs=found,
     )  # fmt: skip
     model, contradictions = map_photos(matched, work, settings, processes, progress_in_step("cameras", progress))
-    model = drop_unseeing(model, settings.min_matches)
+    used = model.get("pairs")
+    seeing = drop_unseeing(model, settings.min_matches)
+    if len(seeing["images"]) >= 2:  # of fewer, the checks report what is wrong
+        model = seeing
     # Cameras that are probably wrong would only get more points that fit them.
     seen = _measure_photos(matched, model)
     if not check_cameras(seen.photos, seen.track_photos, seen.places_px, settings.min_matches):
@@ -91,7 +94,7 @@ def register_photos(
         if not check_cameras(seen.photos, seen.track_photos, seen.places_px, settings.min_matches):
             model = refined
     _check_moved(photo_set, model)
-    return _registered(matched, model, failed, contradictions, settings)
+    return _registered(matched, model, failed, contradictions, settings, used)
 
 
 def _find_features(
@@ -341,6 +344,7 @@ def _registered(
     failed: dict[int, str],
     contradictions: tuple[Remark, ...],
     settings: PoseEstimationSettings,
+    used: NDArray[np.int64] | None,
 ) -> Registered:
     photo_set, found, images, points = matched.photo_set, matched.pairs, model["images"], model["points"]
     photos, seen = photo_set.photos, _measure_photos(matched, model)
@@ -356,7 +360,7 @@ def _registered(
         track_places_px=seen.places_px,
         names=tuple(photo.name for photo in photos),
         matches=found.verified,
-        failures=list_failures(photo_set, matched.features, model["group"], found, failed, settings.min_matches),
+        failures=list_failures(photo_set, matched.features, model["group"], found, failed, settings.min_matches, used),
         remarks=(*checks, *contradictions, *describe_poses(photos, images, found, seen.photos, settings.min_matches)),
     )
 
