@@ -167,6 +167,7 @@ def test_nothing_seen_is_grey(leaves):
     ("wrong", "message"),
     [
         ({"width_px": 8}, "16 pixels wide"),
+        ({"height_px": 8193}, "at most 8192 pixels wide"),
         ({"max_pictures": 0}, "max_pictures must be 1"),
         ({"edge": (0.5, 0.5)}, "edge must rise"),
     ],

@@ -130,5 +130,7 @@ def test_blocks_do_not_change_the_result(monkeypatch, block, depth):
 def test_wrong_settings_are_refused():
     with pytest.raises(ValueError, match="across and along must be 1 or more, not 0 and 13"):
         PhotoColorSettings(across=0)
+    with pytest.raises(ValueError, match="across and along must be at most 1000, not 7 and 1001"):
+        PhotoColorSettings(along=1001)
     with pytest.raises(ValueError, match=r"border must be from 0 to below 0.5, not 0.5"):
         PhotoColorSettings(border=0.5)

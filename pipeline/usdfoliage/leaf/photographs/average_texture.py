@@ -71,9 +71,13 @@ class AverageTextureSettings:
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
 
     def __post_init__(self) -> None:
-        if not all(16 <= side_px <= _MAX_SIDE_PX for side_px in (self.width_px, self.height_px)):
+        if min(self.width_px, self.height_px) < 16:
             raise ValueError(
-                f"the picture must be 16 to {_MAX_SIDE_PX} pixels wide and high, not {self.width_px, self.height_px}"
+                f"the picture must be 16 pixels wide and high or more, not {self.width_px, self.height_px}"
+            )
+        if max(self.width_px, self.height_px) > _MAX_SIDE_PX:
+            raise ValueError(
+                f"the picture must be at most {_MAX_SIDE_PX} pixels wide and high, not {self.width_px, self.height_px}"
             )
         if self.max_pictures < 1 or self.vein_pictures < 0:
             raise ValueError(

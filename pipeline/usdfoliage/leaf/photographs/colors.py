@@ -44,8 +44,10 @@ class PhotoColorSettings:
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
 
     def __post_init__(self) -> None:
-        if not (1 <= self.across <= _MAX_PLACES and 1 <= self.along <= _MAX_PLACES):
-            raise ValueError(f"across and along must be 1 to {_MAX_PLACES}, not {self.across} and {self.along}")
+        if max(self.across, self.along) > _MAX_PLACES:
+            raise ValueError(f"across and along must be at most {_MAX_PLACES}, not {self.across} and {self.along}")
+        if self.across < 1 or self.along < 1:
+            raise ValueError(f"across and along must be 1 or more, not {self.across} and {self.along}")
         if not 0 <= self.border < 0.5:
             raise ValueError(f"border must be from 0 to below 0.5, not {self.border}")
 

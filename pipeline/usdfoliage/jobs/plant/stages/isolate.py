@@ -124,7 +124,7 @@ def _isolate(call: StageCall, source: Path) -> None:
         np.array([camera.position_m for camera in cameras]) @ turn.T,
         np.array([camera.cam_from_world[2, :3] for camera in cameras]) @ turn.T,
         isolation_settings(call.settings.isolation),
-        within_masks=_has_given_masks(capture),
+        _has_given_masks(capture),
     )
     share = found.share(PointKind.PLANT)
     remarks = list(found.remarks)
