@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from usdfoliage.capture.poses.view_graph import PairTurns, average_turns, find_consistent_pairs
+from usdfoliage.capture.poses.view_graph import PairTurns, average_turns
 
 PHOTOS = 20
+
+
+def find_consistent_pairs(pairs: PairTurns, photos: int) -> np.ndarray:
+    """Which pairs agree: none where the photographs do not hang together."""
+    found = average_turns(pairs, photos)
+    return np.zeros(len(pairs.first), bool) if found is None else found.off_rad < found.limit_rad
 
 
 def ring(seed: int = 0, noise_deg: float = 0.3) -> tuple[PairTurns, np.ndarray]:

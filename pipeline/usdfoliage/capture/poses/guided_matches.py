@@ -5,9 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.capture.poses.pairs import DESCRIPTOR_NORM
-
-_BLOCK = 1024  # features of the first photograph that are compared at once
+from usdfoliage.capture.poses.pairs import match_nearest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,35 +62,15 @@ def match_near_lines(
     lines, other_lines = rays @ essential.T, other_rays @ essential  # in the second and in the first photograph
     slope = np.maximum(np.hypot(*lines[:, :2].T), 1e-300)
     other_slope = np.maximum(np.hypot(*other_lines[:, :2].T), 1e-300)
-    columns = np.ascontiguousarray(second.descriptors.astype(np.float32).T)
     log_size, other_log_size = np.log(first.size_px), np.log(second.size_px)
-    count, other_count = len(rays), len(other_rays)
-    nearest, dots = np.zeros(count, np.int64), np.full((2, count), -1, np.float32)
-    back, back_dot = np.zeros(other_count, np.int64), np.full(other_count, -1, np.float32)
-    for start in range(0, count, _BLOCK):
-        rows = slice(start, min(start + _BLOCK, count))
+
+    def near(rows: slice) -> NDArray[np.bool_]:
         far = np.abs(lines[rows] @ other_rays.T)
-        allowed = far < settings.max_line * np.minimum(slope[rows, None], other_slope)
-        allowed &= np.abs(log_size[rows, None] - other_log_size) <= np.log(settings.max_size_ratio)
-        table = first.descriptors[rows].astype(np.float32) @ columns
-        table[~allowed] = -1
-        best = table.argmax(axis=0)
-        best_dot = table[best, np.arange(other_count)]
-        better = best_dot > back_dot
-        back[better], back_dot[better] = best[better] + start, best_dot[better]
-        own, along = table.argmax(axis=1), np.arange(rows.stop - start)
-        nearest[rows], dots[0, rows] = own, table[along, own]
-        table[along, own] = -1
-        dots[1, rows] = table.max(axis=1)
-    angles = np.arccos(np.clip(dots / np.float32(DESCRIPTOR_NORM**2), -1, 1))
-    good = (
-        (dots[0] >= 0)
-        & (back[nearest] == np.arange(count))
-        & (angles[0] <= settings.max_angle_rad)
-        & (angles[0] < settings.max_ratio * angles[1])
-    )
-    chosen = np.flatnonzero(good)
-    return np.column_stack([chosen, nearest[chosen]]).astype(np.uint32)
+        found = far < settings.max_line * np.minimum(slope[rows, None], other_slope)
+        found &= np.abs(log_size[rows, None] - other_log_size) <= np.log(settings.max_size_ratio)
+        return found
+
+    return match_nearest(first.descriptors, second.descriptors, settings.max_ratio, settings.max_angle_rad, near)
 
 
 def _cross(vector: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,14 +1,15 @@
 """Which features of two photographs may show the same point: nearest descriptors, both ways."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-DESCRIPTOR_NORM = 512.0  # of SIFT descriptors as bytes
+_DESCRIPTOR_NORM = 512.0  # of SIFT descriptors as bytes
 _BLOCK = 4096  # rows compared at once
+_ALLOWED_BLOCK = 1024  # the same where not all may match
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,14 +44,36 @@ def match_descriptors(
     """
     if len(first) < 1 or len(second) < 2:
         return np.zeros((0, 2), np.uint32)
+    return match_nearest(first, second, settings.max_ratio, settings.max_angle_rad)
+
+
+def match_nearest(
+    first: NDArray[np.uint8],
+    second: NDArray[np.uint8],
+    max_ratio: float,
+    max_angle_rad: float,
+    allowed: Callable[[slice], NDArray[np.bool_]] | None = None,
+) -> NDArray[np.uint32]:
+    """Pairs (K, 2) of features that are each other's nearest among those allowed, and much nearer than the next.
+
+    Args:
+        first: (N, 128), SIFT descriptors of unit length times 512.
+        second: (M, 128), one at least.
+        max_ratio: Of the angle to the nearest and to the second nearest.
+        max_angle_rad: Of a match.
+        allowed: For rows of the first (R,), which of the second (R, M) may match them; None: all.
+    """
     columns = np.ascontiguousarray(second.astype(np.float32).T)
     nearest = np.zeros(len(first), np.int64)
-    dots = np.zeros((2, len(first)), np.float32)
+    dots = np.full((2, len(first)), -1, np.float32)
     back = np.zeros(len(second), np.int64)
     back_dot = np.full(len(second), -1, np.float32)
-    for start in range(0, len(first), _BLOCK):
-        rows = slice(start, min(start + _BLOCK, len(first)))
+    block = _BLOCK if allowed is None else _ALLOWED_BLOCK
+    for start in range(0, len(first), block):
+        rows = slice(start, min(start + block, len(first)))
         table = first[rows].astype(np.float32) @ columns
+        if allowed is not None:
+            table[~allowed(rows)] = -1
         best = table.argmax(axis=0)
         best_dot = table[best, np.arange(len(second))]
         better = best_dot > back_dot
@@ -60,11 +83,12 @@ def match_descriptors(
         nearest[rows], dots[0, rows] = own, table[along, own]
         table[along, own] = -1
         dots[1, rows] = table.max(axis=1)
-    angles = np.arccos(np.clip(dots / np.float32(DESCRIPTOR_NORM**2), -1, 1))
+    angles = np.arccos(np.clip(dots / np.float32(_DESCRIPTOR_NORM**2), -1, 1))
     good = (
-        (back[nearest] == np.arange(len(first)))
-        & (angles[0] <= settings.max_angle_rad)
-        & (angles[0] < settings.max_ratio * angles[1])
+        (dots[0] >= 0)
+        & (back[nearest] == np.arange(len(first)))
+        & (angles[0] <= max_angle_rad)
+        & (angles[0] < max_ratio * angles[1])
     )
     chosen = np.flatnonzero(good)
     return np.column_stack([chosen, nearest[chosen]]).astype(np.uint32)

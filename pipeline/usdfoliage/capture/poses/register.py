@@ -88,13 +88,14 @@ def register_photos(
         model = seeing
     # Cameras that are probably wrong would only get more points that fit them.
     seen = _measure_photos(matched, model)
-    if not check_cameras(seen.photos, seen.track_photos, seen.places_px, settings.min_matches):
+    if not _check(seen, settings):
         refined = refine_cameras(matched, model, work, settings, processes, progress_in_step("refining", progress))
-        seen = _measure_photos(matched, refined)
-        if not check_cameras(seen.photos, seen.track_photos, seen.places_px, settings.min_matches):
-            model = refined
+        if refined is not model:
+            seen_by_refined = _measure_photos(matched, refined)
+            if not _check(seen_by_refined, settings):
+                model, seen = refined, seen_by_refined
     _check_moved(photo_set, model)
-    return _registered(matched, model, failed, contradictions, settings, used)
+    return _registered(matched, model, seen, failed, contradictions, settings, used)
 
 
 def _find_features(
@@ -338,18 +339,24 @@ def _measure_photos(matched: MatchedPhotos, model: Model) -> _MeasuredPhotos:
     )
 
 
+def _check(seen: _MeasuredPhotos, settings: PoseEstimationSettings) -> tuple[Remark, ...]:
+    """Warnings by which the cameras are probably wrong."""
+    return check_cameras(seen.photos, seen.track_photos, seen.places_px, settings.min_matches)
+
+
 def _registered(
     matched: MatchedPhotos,
     model: Model,
+    seen: _MeasuredPhotos,
     failed: dict[int, str],
     contradictions: tuple[Remark, ...],
     settings: PoseEstimationSettings,
     used: NDArray[np.int64] | None,
 ) -> Registered:
     photo_set, found, images, points = matched.photo_set, matched.pairs, model["images"], model["points"]
-    photos, seen = photo_set.photos, _measure_photos(matched, model)
+    photos = photo_set.photos
     seen_by = np.maximum(np.diff(model["track_starts"]), 1)
-    checks = check_cameras(seen.photos, seen.track_photos, seen.places_px, settings.min_matches)
+    checks = _check(seen, settings)
     return Registered(
         photos=seen.photos,
         points=points,

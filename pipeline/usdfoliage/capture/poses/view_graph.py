@@ -105,14 +105,6 @@ def average_turns(
         limit_rad = max(limit_rad / 2, float(lowest_rad))
 
 
-def find_consistent_pairs(
-    pairs: PairTurns, photos: int, settings: ViewGraphSettings = ViewGraphSettings()
-) -> NDArray[np.bool_]:
-    """Which pairs (P,) agree with one turn for each camera: none where the photographs do not hang together."""
-    found = average_turns(pairs, photos, settings)
-    return np.zeros(len(pairs.first), bool) if found is None else found.off_rad < found.limit_rad
-
-
 def _best_tree(
     pairs: PairTurns, weight: Array, follows: NDArray[np.bool_], photos: int, settings: ViewGraphSettings
 ) -> Rotation:

@@ -157,17 +157,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         write_arrays(call.out / LEAF_NUMBERS, {"number": number_of})
     rows = [
         *facts.count_rows(),
-        *(
-            [
-                Row(
-                    name="cover",
-                    value=f"{cover:.0%}",
-                    remark=_COVER,
-                )
-            ]
-            if cover is not None
-            else []
-        ),
+        *([Row(name="cover", value=f"{cover:.0%}", remark=_COVER)] if cover is not None else []),
         *chosen.rows,
     ]
     write_summary(call.out, StageSummary(rows=rows, remarks=remarks, poor=bool(undrawn)))
