@@ -551,6 +551,14 @@ SECTIONS: tuple[RemarkSection, ...] = (
                     "that are aimed at it."
                 ),
             ),
+            "isolation-several-stands": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "Several parts of about equal size stand on the ground, and nothing links them: stems of one "
+                    "plant, or several plants. All are in the asset, as one plant."
+                ),
+                action="Nothing, if it is one plant. Else give masks of one plant at a time, and build each by itself.",
+            ),
             "photographs-without-plant": RemarkKind(
                 severity="info",
                 meaning="Nothing of the plant is seen in these photographs.",

@@ -261,3 +261,40 @@ def test_a_point_that_is_very_far_off_changes_nothing(where_m) -> None:
     assert kept(scene, found, "plant") > 0.97
     assert kept(scene, found, "floor") < 0.02
     assert not found.plant[scene.of("far")].any()
+
+
+def test_a_wall_that_is_near_enough_to_be_linked_is_left_out() -> None:
+    scene = Scene()
+    scene.floor(1.5)
+    scene.shell((0, 0.35, 0), 0.3)
+    x, y = scene.rng.uniform(-0.35, 0.35, 8_000), scene.rng.uniform(0, 0.6, 8_000)
+    scene.add("wall", np.column_stack([x, y, np.full(8_000, -0.38)]), CLOTH)
+    found = isolate(scene, distance_m=1.2)
+    assert kept(scene, found, "wall") < 0.01
+    assert kept(scene, found, "plant") > 0.97
+
+
+def test_a_trunk_that_is_torn_from_its_crown_stays() -> None:
+    scene = Scene()
+    scene.floor(1.5)
+    scene.shell((0, 0.6, 0), 0.25)
+    y, turn = scene.rng.uniform(0.02, 0.27, 3_000), scene.rng.uniform(0, 2 * np.pi, 3_000)
+    scene.add("trunk", np.column_stack([0.02 * np.cos(turn), y, 0.02 * np.sin(turn)]), CLOTH)
+    found = isolate(scene, distance_m=1.2)
+    assert kept(scene, found, "trunk") > 0.85
+    assert kept(scene, found, "plant") > 0.97
+
+
+@pytest.mark.parametrize(
+    ("radius_m", "away_m", "remarked"), [(0.06, 0.23, True), (0.035, 0.18, False), (0.08, 0.17, False)]
+)
+def test_plants_that_stand_beside_each_other_are_kept_with_a_remark(radius_m, away_m, remarked) -> None:
+    """A small one may be a part of the large one, and two that touch are one."""
+    scene = Scene()
+    scene.floor(1.5)
+    scene.shell((0, 0.1, 0), 0.1)
+    scene.shell((-away_m, radius_m, 0), radius_m, name="other")
+    found = isolate(scene, aim_m=(0, 0.1, 0), distance_m=1.4)
+    assert kept(scene, found, "plant") > 0.8
+    assert kept(scene, found, "other") > 0.8
+    assert ("isolation-several-stands" in [each.code for each in found.remarks]) == remarked

@@ -21,6 +21,8 @@ class PieceSettings:
     aim: float = 0.25  # likewise, around the focus, where the plant is
     wide: float = 1.4  # of the plant's reach to its sides, within which other pieces may be of it
     low: float = 0.06  # of the cameras' distance over the floor: what does not rise above is remains of the floor
+    bare: float = 0.15  # share of green cells up to which a piece has no leaves
+    stand: float = 0.3  # of the green cells of the largest piece: so many are a plant of its own where it stands
 
     def __post_init__(self) -> None:
         if not (0 < self.gap <= self.link_gap and self.aim > 0 and self.wide >= 1 and self.low >= 0):
@@ -121,3 +123,61 @@ def find_plant_pieces(
             break
         of_plant[linked] = True
     return np.asarray(of_plant[piece])
+
+
+def find_bare_beside(
+    cells_m: NDArray[np.float64],
+    green: NDArray[np.bool_],
+    scale_m: float,
+    settings: PieceSettings = PieceSettings(),
+) -> NDArray[np.bool_]:
+    """(N,) pieces without leaves that stand beside all that has leaves, as a wall near a plant does.
+
+    Wood stands below and between its leaves, or is part of a piece that has some. What has no green at all is a plant
+    in winter: nothing stands beside it.
+
+    Args:
+        cells_m: (N, 3), Y up, a point for each cell of a grid, of the plant and of what is linked with it.
+        green: (N,) whether a cell is green.
+        scale_m: Distance of the cameras.
+        settings: What belongs together.
+    """
+    if not green.any() or green.all():
+        return np.zeros(len(cells_m), bool)
+    piece = touching_parts(cells_m, settings.gap * scale_m)
+    count = np.bincount(piece)
+    bare = np.bincount(piece, green) <= settings.bare * count
+    has_leaves = ~bare[piece]
+    if not has_leaves.any() or not bare.any():
+        return np.zeros(len(cells_m), bool)
+    away_m = np.zeros(len(cells_m))
+    leafy = cKDTree(cells_m[has_leaves][:, [0, 2]])
+    away_m[~has_leaves] = leafy.query(cells_m[~has_leaves][:, [0, 2]])[0]
+    beside = bare & (2 * np.bincount(piece, away_m > settings.gap * scale_m) > count)
+    return np.asarray(beside[piece])
+
+
+def count_stands(
+    cells_m: NDArray[np.float64],
+    heights_m: NDArray[np.float64],
+    green: NDArray[np.bool_],
+    scale_m: float,
+    settings: PieceSettings = PieceSettings(),
+) -> int:
+    """How many pieces of about equal size stand on the floor, each by itself.
+
+    Args:
+        cells_m: (N, 3), Y up, a point for each cell of a grid, of the plant.
+        heights_m: (N,) over the floor.
+        green: (N,) whether a cell is green.
+        scale_m: Distance of the cameras.
+        settings: What belongs together.
+    """
+    if not len(cells_m):
+        return 0
+    piece = touching_parts(cells_m, settings.gap * scale_m)
+    leaves = np.bincount(piece, green)
+    foot_m = np.full(len(leaves), np.inf)
+    np.minimum.at(foot_m, piece, heights_m)
+    stands = (foot_m <= settings.low * scale_m) & (leaves > 0) & (leaves >= settings.stand * leaves.max())
+    return int(np.count_nonzero(stands))

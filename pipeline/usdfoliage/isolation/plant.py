@@ -10,7 +10,14 @@ from usdfoliage.geometry.point_cells import cell_means, number_cells, touching_p
 from usdfoliage.isolation.container import Container, ContainerSettings, find_container
 from usdfoliage.isolation.focus import Focus, FocusSettings, find_focus
 from usdfoliage.isolation.hanging import HangingSettings, find_hanging
-from usdfoliage.isolation.pieces import LyingSettings, PieceSettings, find_lying, find_plant_pieces
+from usdfoliage.isolation.pieces import (
+    LyingSettings,
+    PieceSettings,
+    count_stands,
+    find_bare_beside,
+    find_lying,
+    find_plant_pieces,
+)
 from usdfoliage.isolation.support import Support, SupportSettings, find_support
 from usdfoliage.isolation.vegetation import MIN_EXCESS, green_excess
 from usdfoliage.remarks import Remark, remark
@@ -160,6 +167,20 @@ def isolate_plant(
             container = search.container
             if search.remark is not None:
                 remarks.append(search.remark)
+        if settings.outliers and not within_masks:
+            at = np.flatnonzero(of_plant)
+            if container is not None:
+                at = at[~container.holds(cells_m[at], over_m[at], excess[first][at])]
+            green = excess[first][at] > MIN_EXCESS
+            beside = find_bare_beside(cells_m[at], green, focus.distance_m, settings.pieces)
+            of_plant[at[beside]] = False
+            kind[left[~of_plant[cell]]] = PointKind.OUTLIER
+            at, green = at[~beside], green[~beside]
+            if support is not None and container is None:
+                stands = count_stands(cells_m[at], over_m[at], green, focus.distance_m, settings.pieces)
+                if stands > 1:
+                    text = f"{stands} parts of about equal size stand apart on the ground, and are taken for one plant"
+                    remarks.append(remark("isolation-several-stands", text))
         if support is not None and of_plant.any():
             low = np.flatnonzero(kind == PointKind.FLOOR)
             hangs = _find_hanging(
