@@ -298,3 +298,16 @@ def test_plants_that_stand_beside_each_other_are_kept_with_a_remark(radius_m, aw
     assert kept(scene, found, "plant") > 0.8
     assert kept(scene, found, "other") > 0.8
     assert ("isolation-several-stands" in [each.code for each in found.remarks]) == remarked
+
+
+def test_a_stem_that_wrong_depth_bridges_to_a_wall_stays_without_the_wall() -> None:
+    scene = Scene()
+    scene.floor(1.5)
+    scene.shell((0, 0.35, 0), 0.3)
+    x, y = scene.rng.uniform(-0.5, 0.0, 16_000), scene.rng.uniform(0, 0.6, 16_000)
+    scene.add("wall", np.column_stack([x, y, np.full(16_000, -0.38)]), CLOTH)
+    scene.shell((-0.3, 0.45, -0.33), 0.05, name="stem")
+    found = isolate(scene, distance_m=1.2)
+    assert kept(scene, found, "wall") < 0.05
+    assert kept(scene, found, "plant") > 0.97
+    assert kept(scene, found, "stem") > 0.9

@@ -22,6 +22,7 @@ class PieceSettings:
     wide: float = 1.4  # of the plant's reach to its sides, within which other pieces may be of it
     low: float = 0.06  # of the cameras' distance over the floor: what does not rise above is remains of the floor
     bare: float = 0.15  # share of green cells up to which a piece has no leaves
+    leaf: float = 0.01  # of all green cells: so many that touch each other, in a piece without leaves, are of the plant
     stand: float = 0.3  # of the green cells of the largest piece: so many are a plant of its own where it stands
 
     def __post_init__(self) -> None:
@@ -128,17 +129,19 @@ def find_plant_pieces(
 def find_bare_beside(
     cells_m: NDArray[np.float64],
     green: NDArray[np.bool_],
+    cell_m: float,
     scale_m: float,
     settings: PieceSettings = PieceSettings(),
 ) -> NDArray[np.bool_]:
     """(N,) pieces without leaves that stand beside all that has leaves, as a wall near a plant does.
 
     Wood stands below and between its leaves, or is part of a piece that has some. What has no green at all is a plant
-    in winter: nothing stands beside it.
+    in winter: nothing stands beside it. Wrong depth may bridge the wall and a stem: green parts of such a piece stay.
 
     Args:
         cells_m: (N, 3), Y up, a point for each cell of a grid, of the plant and of what is linked with it.
         green: (N,) whether a cell is green.
+        cell_m: Width of a cell.
         scale_m: Distance of the cameras.
         settings: What belongs together.
     """
@@ -153,8 +156,13 @@ def find_bare_beside(
     away_m = np.zeros(len(cells_m))
     leafy = cKDTree(cells_m[has_leaves][:, [0, 2]])
     away_m[~has_leaves] = leafy.query(cells_m[~has_leaves][:, [0, 2]])[0]
-    beside = bare & (2 * np.bincount(piece, away_m > settings.gap * scale_m) > count)
-    return np.asarray(beside[piece])
+    beside = (bare & (2 * np.bincount(piece, away_m > settings.gap * scale_m) > count))[piece]
+    green_beside = np.flatnonzero(beside & green)
+    if len(green_beside):
+        part = touching_parts(cells_m[green_beside], cell_m)
+        is_leaf = np.bincount(part) >= settings.leaf * np.count_nonzero(green)
+        beside[green_beside[is_leaf[part]]] = False
+    return np.asarray(beside)
 
 
 def count_stands(
