@@ -304,10 +304,23 @@ def test_a_stem_that_wrong_depth_bridges_to_a_wall_stays_without_the_wall() -> N
     scene = Scene()
     scene.floor(1.5)
     scene.shell((0, 0.35, 0), 0.3)
-    x, y = scene.rng.uniform(-0.5, 0.0, 16_000), scene.rng.uniform(0, 0.6, 16_000)
-    scene.add("wall", np.column_stack([x, y, np.full(16_000, -0.38)]), CLOTH)
+    x, y = scene.rng.uniform(-0.35, 0.0, 10_000), scene.rng.uniform(0, 0.6, 10_000)
+    scene.add("wall", np.column_stack([x, y, np.full(10_000, -0.38)]), CLOTH)
     scene.shell((-0.3, 0.45, -0.33), 0.05, name="stem")
     found = isolate(scene, distance_m=1.2)
     assert kept(scene, found, "wall") < 0.05
     assert kept(scene, found, "plant") > 0.97
     assert kept(scene, found, "stem") > 0.9
+
+
+def test_a_bare_plant_with_some_moss_keeps_its_branches() -> None:
+    scene = Scene()
+    scene.floor(1.5)
+    along = scene.rng.uniform(0, 1, 12_000)
+    side = np.repeat([-1.0, 1.0, 0.0], 4_000)
+    places = np.column_stack([0.4 * side * along, 0.03 + (0.6 - 0.2 * np.abs(side)) * along, np.zeros(12_000)])
+    scene.add("branches", places + scene.rng.normal(0, 0.003, places.shape), CLOTH)
+    scene.shell((0, 0.3, 0), 0.04, name="moss")
+    found = isolate(scene, distance_m=1.2)
+    assert kept(scene, found, "branches") > 0.9
+    assert kept(scene, found, "moss") > 0.9

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdfoliage.geometry.point_cells import touching_parts
+from usdfoliage.geometry.point_cells import number_cells, touching_parts
 from usdfoliage.isolation.focus import Focus
 
 
@@ -21,8 +21,7 @@ class PieceSettings:
     aim: float = 0.25  # likewise, around the focus, where the plant is
     wide: float = 1.4  # of the plant's reach to its sides, within which other pieces may be of it
     low: float = 0.06  # of the cameras' distance over the floor: what does not rise above is remains of the floor
-    bare: float = 0.15  # share of green cells up to which a piece has no leaves
-    leaf: float = 0.01  # of all green cells: so many that touch each other, in a piece without leaves, are of the plant
+    leafy: float = 0.3  # share of green cells, from which on a place is one of leaves and not of noise
     stand: float = 0.3  # of the green cells of the largest piece: so many are a plant of its own where it stands
 
     def __post_init__(self) -> None:
@@ -129,40 +128,41 @@ def find_plant_pieces(
 def find_bare_beside(
     cells_m: NDArray[np.float64],
     green: NDArray[np.bool_],
-    cell_m: float,
-    scale_m: float,
+    focus: Focus,
     settings: PieceSettings = PieceSettings(),
 ) -> NDArray[np.bool_]:
-    """(N,) pieces without leaves that stand beside all that has leaves, as a wall near a plant does.
+    """(N,) what has no leaves and stands beside all that has leaves, as a wall near a plant does.
 
-    Wood stands below and between its leaves, or is part of a piece that has some. What has no green at all is a plant
-    in winter: nothing stands beside it. Wrong depth may bridge the wall and a stem: green parts of such a piece stay.
+    Wood stands below and between its leaves, or begins near the place that the photographs are aimed at, as that of a
+    plant in winter does. Wrong depth may bridge a wall and a stem, so that what is not green is taken by itself.
 
     Args:
         cells_m: (N, 3), Y up, a point for each cell of a grid, of the plant and of what is linked with it.
         green: (N,) whether a cell is green.
-        cell_m: Width of a cell.
-        scale_m: Distance of the cameras.
+        focus: What the photographs are aimed at.
         settings: What belongs together.
     """
+    beside = np.zeros(len(cells_m), bool)
     if not green.any() or green.all():
-        return np.zeros(len(cells_m), bool)
-    piece = touching_parts(cells_m, settings.gap * scale_m)
-    count = np.bincount(piece)
-    bare = np.bincount(piece, green) <= settings.bare * count
-    has_leaves = ~bare[piece]
-    if not has_leaves.any() or not bare.any():
-        return np.zeros(len(cells_m), bool)
-    away_m = np.zeros(len(cells_m))
-    leafy = cKDTree(cells_m[has_leaves][:, [0, 2]])
-    away_m[~has_leaves] = leafy.query(cells_m[~has_leaves][:, [0, 2]])[0]
-    beside = (bare & (2 * np.bincount(piece, away_m > settings.gap * scale_m) > count))[piece]
-    green_beside = np.flatnonzero(beside & green)
-    if len(green_beside):
-        part = touching_parts(cells_m[green_beside], cell_m)
-        is_leaf = np.bincount(part) >= settings.leaf * np.count_nonzero(green)
-        beside[green_beside[is_leaf[part]]] = False
-    return np.asarray(beside)
+        return beside
+    gap_m = settings.gap * focus.distance_m
+    # Single cells of a wall may be green, by noise.
+    block = number_cells(cells_m, gap_m)
+    is_leafy = green & ((np.bincount(block, green) > settings.leafy * np.bincount(block))[block])
+    leafy, bare = np.flatnonzero(is_leafy), np.flatnonzero(~green)
+    if not len(leafy):
+        return beside
+    aside_m = np.hypot(*(cells_m[:, [0, 2]] - focus.place_m[[0, 2]]).T)
+    away_m = np.asarray(cKDTree(cells_m[leafy][:, [0, 2]]).query(cells_m[bare][:, [0, 2]])[0])
+    piece = touching_parts(cells_m[bare], gap_m)
+    nearest_m = np.full(int(piece.max()) + 1, np.inf)
+    np.minimum.at(nearest_m, piece, aside_m[bare])
+    is_away = 2 * np.bincount(piece, away_m > gap_m) > np.bincount(piece)
+    beside[bare] = (is_away & (nearest_m > settings.link_gap * focus.distance_m))[piece]
+    if beside.any():
+        rest = np.flatnonzero(green & ~is_leafy)
+        beside[rest] = cKDTree(cells_m[beside]).query(cells_m[rest])[0] <= gap_m
+    return beside
 
 
 def count_stands(

@@ -172,7 +172,7 @@ def isolate_plant(
             if container is not None:
                 at = at[~container.holds(cells_m[at], over_m[at], excess[first][at])]
             green = excess[first][at] > MIN_EXCESS
-            beside = find_bare_beside(cells_m[at], green, cell_m, focus.distance_m, settings.pieces)
+            beside = find_bare_beside(cells_m[at], green, focus, settings.pieces)
             of_plant[at[beside]] = False
             kind[left[~of_plant[cell]]] = PointKind.OUTLIER
             at, green = at[~beside], green[~beside]
