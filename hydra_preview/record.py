@@ -15,6 +15,7 @@ from pathlib import Path
 # extent reaches beyond what is not displaced, for along a slant less of a displacement shows.
 GROWTH = 0.25
 EXCESSES = 2.0
+SAMPLES = 4  # of a pixel, where the request names none: Storm's own
 
 
 class RecordError(Exception):
@@ -23,6 +24,14 @@ class RecordError(Exception):
     def __init__(self, kind: str, message: str) -> None:
         super().__init__(message)
         self.kind = kind
+
+
+class LargerPictures(Exception):
+    """They shall be drawn larger, with one sample of a pixel, which is chosen before USD is loaded."""
+
+    def __init__(self, scale: int) -> None:
+        super().__init__(f"by {scale}")
+        self.scale = scale
 
 
 def load_usd() -> str:
@@ -336,6 +345,7 @@ def record_views(request: dict) -> dict:
     """Draw every view to its EXR (linear, premultiplied alpha); returns the result but for the versions."""
     from lighting import PREVIEW_ROOT, author_lights, has_lights
     from pxr import Sdf, Tf, Usd, UsdAppUtils, UsdGeom
+    from weight import choose_complexity, choose_scale, weigh
 
     stage = open_stage(request["usd_file"], request.get("muted", []), request.get("variants", {}))
     time = Usd.TimeCode(stage.GetStartTimeCode()) if stage.HasAuthoredTimeCodeRange() else Usd.TimeCode.Default()
@@ -344,11 +354,19 @@ def record_views(request: dict) -> dict:
     z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
     cameras = view_cameras(stage, time, request)
     lit = has_lights(stage)
+    weight = weigh(stage, time, request["purposes"])
+    complexity = choose_complexity(weight, request["complexity"])
+    scale = request.get("scale")
+    if scale is None:
+        sizes_px = [(view["width_px"], view["height_px"]) for view in request["views"]]
+        scale = choose_scale(weight, complexity, request.get("samples", SAMPLES), sizes_px)
+        if scale > 1:
+            raise LargerPictures(scale)
 
     recorder = UsdAppUtils.FrameRecorder()
     if not recorder.SetRendererPlugin("HdStormRendererPlugin"):
         raise RecordError("usd", "this USD has no Storm (HdStormRendererPlugin)")
-    recorder.SetComplexity(request["complexity"])
+    recorder.SetComplexity(complexity)
     recorder.SetColorCorrectionMode("disabled")  # the product composites in linear light, then encodes sRGB
     recorder.SetCameraLightEnabled(False)
     recorder.SetDomeLightVisibility(False)
@@ -357,7 +375,7 @@ def record_views(request: dict) -> dict:
     drawn = []
     camera_prim = UsdGeom.Camera.Define(stage, Sdf.Path(PREVIEW_ROOT).AppendChild("Camera"))
     for number, (view, camera) in enumerate(zip(request["views"], cameras, strict=True)):
-        width_px, height_px = view["width_px"], view["height_px"]
+        width_px, height_px = scale * view["width_px"], scale * view["height_px"]
         # The recorder rounds the height down; a fiftieth of a pixel keeps it from losing a row.
         camera.verticalAperture = camera.horizontalAperture * (height_px + 0.02) / width_px
         camera_prim.SetFromCamera(camera, time)
@@ -377,13 +395,19 @@ def record_views(request: dict) -> dict:
             }
         )
         print(f"usdfoliage-frame {number + 1} {len(cameras)}", flush=True)
-    return {"views": drawn, "warnings": unresolved_assets(stage)}
+    return {
+        "views": drawn,
+        "warnings": unresolved_assets(stage),
+        "complexity": complexity,
+        "scale": scale,
+        "triangles": weight.drawn(0),
+    }
 
 
 def main(request_path: str, result_path: str) -> int:
     request = json.loads(Path(request_path).read_text(encoding="utf-8"))
     if "samples" in request:
-        os.environ["HDX_MSAA_SAMPLE_COUNT"] = str(request["samples"])  # USD reads it once
+        os.environ["HDX_MSAA_SAMPLE_COUNT"] = str(request["samples"])  # USD reads it as it is loaded
     try:
         version = load_usd()
         from gl_context import ContextError, make_context
@@ -393,6 +417,10 @@ def main(request_path: str, result_path: str) -> int:
         except ContextError as error:
             raise RecordError("gl", str(error)) from error
         result = {"usd_version": version, "egl_display": display, **record_views(request)}
+    except LargerPictures as larger:
+        larger_request = json.dumps({**request, "samples": 1, "scale": larger.scale})
+        Path(request_path).write_text(larger_request, encoding="utf-8")
+        os.execv(sys.executable, [sys.executable, str(Path(__file__).resolve()), request_path, result_path])
     except RecordError as error:
         result = {"error": {"kind": error.kind, "message": str(error)}}
     Path(result_path).write_text(json.dumps(result), encoding="utf-8")

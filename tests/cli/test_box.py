@@ -246,6 +246,7 @@ def test_larger_files_may_take_more(monkeypatch):
     assert million.cpu_s < 57
     assert million.memory_bytes < 2.9e9
     assert large.output_bytes == small.output_bytes == 16 << 30
+    assert small.memory_bytes < small.drawing_bytes < large.drawing_bytes
     assert allow("a", "view", 0).until_drawing  # its user closes it
     assert not small.until_drawing
     machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")

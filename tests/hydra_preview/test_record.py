@@ -2,11 +2,12 @@
 
 import logging
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Sdf, Usd, UsdGeom, UsdShade
+from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
 from scipy.spatial.transform import Rotation
 from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import encode_srgb
@@ -90,6 +91,26 @@ def test_pictures_of_one_sample_are_the_same_but_for_their_edges(ball, tmp_path)
     whole = (soft == 1) & (jagged[..., 3] == 1)
     assert np.abs(jagged[whole] - ball[0][whole]).mean() < 0.005
     assert jagged[..., 3].sum() == pytest.approx(soft.sum(), rel=0.01)
+
+
+def test_a_picture_of_a_million_triangles_has_the_size_and_the_edges_of_any_other(tmp_path):
+    """It is drawn larger with one sample of a pixel, and shrunk."""
+    scene = tmp_path / "fan.usda"
+    stage = Usd.Stage.CreateNew(str(scene))
+    turn = np.linspace(0, 2 * np.pi, 1000, endpoint=False)
+    rim = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(1000)])
+    mesh = UsdGeom.Mesh.Define(stage, "/Disc")
+    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.vstack([rim, [[0, 0, 0]]]).astype(np.float32)))
+    corners = np.column_stack([np.full(1000, 1000), np.arange(1000), np.roll(np.arange(1000), -1)])
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.tile(corners.ravel(), 1001).astype(np.int32)))
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray(1001 * 1000, 3))
+    mesh.CreateSubdivisionSchemeAttr("none")
+    mesh.CreateExtentAttr([(-1, -1, 0), (1, 1, 0)])
+    stage.Save()
+    view = replace(look("front"), orthographic=True, window=(-1.25, 1.25, -1.25, 1.25))
+    (picture,) = draw_views(scene, [view], PreviewSettings(width_px=100, height_px=100))
+    check_disc(picture, (50, 50), 40)
+    assert len(np.unique(np.round(picture[..., 3], 2))) > 2
 
 
 def test_a_window_places_the_picture_in_the_assets_own_coordinates(ball):

@@ -61,6 +61,7 @@ class BoxLimits:
     seconds_per_mib: float = 2.5  # Seconds of the processor for each MiB of its files, where that is more.
     base_s: float = 180.0  # Seconds for any asset by the clock, which runs while other work has the processor.
     waiting_ratio: float = 5.0  # Seconds by the clock for each of the processor beyond those for any asset.
+    drawing_gib: float = 4.0  # GiB of memory beyond that while Storm draws.
     file_gib: float = 16.0  # GiB that a file written may have.
     text_mib: float = 64.0  # MiB that a layer of text may have: USD takes up to 50 times as much memory for it.
 
@@ -76,6 +77,7 @@ class Allowance:
 
     name: str  # of the asset; empty while it is not known
     memory_bytes: int
+    drawing_bytes: int  # of memory, instead of those, from when it draws
     cpu_s: float  # of the processor, by the child and what it starts
     seconds: float  # by the clock
     output_bytes: int  # of a file
@@ -194,9 +196,11 @@ def allow(
     machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     memory = min(limits.base_gib * _GIB + limits.memory_ratio * size_bytes, limits.machine_share * machine)
     cpu_s = max(limits.base_cpu_s, limits.seconds_per_mib * size_bytes / (1 << 20))
+    drawing = min(memory + limits.drawing_gib * _GIB, limits.machine_share * machine)
     return Allowance(
         name=name,
         memory_bytes=int(_stated(MEMORY_VARIABLE, memory / _GIB) * _GIB),
+        drawing_bytes=int(_stated(MEMORY_VARIABLE, drawing / _GIB) * _GIB),
         cpu_s=_stated(WORK_VARIABLE, cpu_s),
         seconds=_stated(TIME_VARIABLE, limits.base_s + limits.waiting_ratio * (cpu_s - limits.base_cpu_s)),
         output_bytes=int(_stated(OUTPUT_VARIABLE, limits.file_gib) * _GIB),
@@ -345,8 +349,9 @@ class _Watched:
         elif not self._draws and used.cpu_s > self._cpu_share * allowed.cpu_s:
             limit = f"{name} takes more than {self._cpu_share * allowed.cpu_s:.0f} s of the processor to read"
             stated = f"{WORK_VARIABLE} to more seconds"
-        elif used.memory_bytes > allowed.memory_bytes:
-            limit = f"{name} takes more than {allowed.memory_bytes / _GIB:.1f} GiB of memory to read"
+        elif used.memory_bytes > (memory_bytes := allowed.drawing_bytes if self._draws else allowed.memory_bytes):
+            purpose = "draw" if self._draws else "read"
+            limit = f"{name} takes more than {memory_bytes / _GIB:.1f} GiB of memory to {purpose}"
             stated = f"{MEMORY_VARIABLE} to more GiB"
         return f"{limit}; it is damaged or larger than it seems: if you trust it, set {stated}" if limit else ""
 

@@ -28,7 +28,13 @@ from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.cage import LeafCageSettings, build_leaf_cage
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
 from usdfoliage.leaf.shape.jitter import Jitter
-from usdfoliage.leaf.shape.mesh import LeafMeshSettings, PrototypeSettings, build_leaf_mesh, silhouette_segments
+from usdfoliage.leaf.shape.mesh import (
+    LeafMeshSettings,
+    PrototypeSettings,
+    build_leaf_mesh,
+    prototype_for,
+    silhouette_segments,
+)
 
 LEAVES_GUIDE = "leaves_guide.usda"
 MATERIAL_LAYER = "materials.usda"
@@ -39,7 +45,7 @@ class LeafAssetSettings:
     """How an asset of leaves is written."""
 
     representations: Sequence[str] = tuple(REPRESENTATIONS)  # the first one is selected
-    prototype: PrototypeSettings = field(default_factory=PrototypeSettings)  # with a finer silhouette for fine jitter
+    prototype: PrototypeSettings | None = None  # with a finer silhouette for fine jitter; None: by how many leaves
     cage: LeafCageSettings = field(default_factory=LeafCageSettings)
     mesh: LeafMeshSettings = field(default_factory=LeafMeshSettings)
     version: str = "1"  # assetInfo
@@ -170,8 +176,8 @@ def _write_representations(place: AssetPlace, foliage: BranchLeaves, jitter: Jit
     for representation in settings.representations:
         path = place.payload / REPRESENTATIONS[representation]
         if representation == "bezier":
-            segments = silhouette_segments(settings.prototype.silhouette, jitter)
-            prototype = replace(settings.prototype, silhouette=segments)
+            division = settings.prototype or prototype_for(len(leaves))
+            prototype = replace(division, silhouette=silhouette_segments(division.silhouette, jitter))
             prim = leaves_prim(leaves, foliage.edits, jitter, color, jitter_map, prototype)
             boxes.append(write_leaves_layer(path, place.name, prim))
         elif representation == "nurbs":

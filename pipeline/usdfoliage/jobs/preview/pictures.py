@@ -226,11 +226,18 @@ def draw_views(
             "Storm (USD %s) drew %d views in %.1f s", result["usd_version"], len(views), time.monotonic() - started
         )
         pictures = [_read_exr(work / f"{number}.exr") for number in range(len(views))]
+    if result["complexity"] < COMPLEXITIES[settings.complexity]:
+        logger.warning(
+            "curved surfaces are drawn more coarsely than the complexity %s, which Storm could not hold (%s)",
+            settings.complexity,
+            usd_file,
+        )
+    scale = result["scale"]
     for number, (view, picture) in enumerate(zip(views, pictures, strict=True)):
-        expected = (*_drawn_px(view, settings)[::-1], 4)
+        expected = (*(scale * side for side in _drawn_px(view, settings)[::-1]), 4)
         if picture.shape != expected:
             raise PreviewError(f"Storm drew {picture.shape}, not {expected} as asked ({usd_file})")
-        if view.picture_px(settings) != _drawn_px(view, settings):
+        if view.picture_px(settings) != picture.shape[1::-1]:
             pictures[number] = _resize(picture, view.picture_px(settings))
     empty = [view for view, picture in zip(views, pictures, strict=True) if not picture[..., 3].any()]
     if len(empty) == len(views) and any(view.camera is None and view.pinhole is None for view in views):

@@ -48,9 +48,25 @@ class PrototypeSettings:
     across: int = 6
     along: int = 16
     silhouette: int = 128  # so that jitter of 8 cycles keeps 998 of 1000 pixels of the leaf
+    even: bool = False  # whether rows and segments are evenly spaced, not drawn towards base and apex
 
     def __post_init__(self) -> None:
-        leaf_topology(self.across, self.along, self.silhouette)
+        leaf_topology(self.across, self.along, self.silhouette, self.even)
+
+
+def prototype_for(count: int) -> PrototypeSettings:
+    """How finely the leaf is divided that an instancer repeats so many times, for about two million triangles at most.
+
+    Of a leaf of the paper's size and form 42 triangles lie within 0.4 % of its length, and 88 within 0.2 %.
+    """
+    return next((settings for up_to, settings in _PROTOTYPES if count <= up_to), _MANY)
+
+
+_PROTOTYPES = (
+    (3000, PrototypeSettings()),  # 404 triangles
+    (20_000, PrototypeSettings(across=4, along=8, silhouette=24, even=True)),  # 88
+)
+_MANY = PrototypeSettings(across=4, along=5, silhouette=10, even=True)  # 42
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,7 +142,7 @@ def build_prototype(parameters: NDArray[np.floating], settings: PrototypeSetting
     """
     if np.shape(parameters) != (7, 3):
         raise ValueError(f"parameters must be (7, 3), not {np.shape(parameters)}")
-    topology = leaf_topology(settings.across, settings.along, settings.silhouette)
+    topology = leaf_topology(settings.across, settings.along, settings.silhouette, settings.even)
     points, normals = _evaluate(np.asarray(parameters)[None], topology)
     return LeafMesh(
         points_m=points[0],

@@ -37,7 +37,7 @@ class LeafTopology:
 
 
 @cache
-def leaf_topology(across: int, along: int, silhouette: int) -> LeafTopology:
+def leaf_topology(across: int, along: int, silhouette: int, even: bool = False) -> LeafTopology:
     """Divide a leaf into cells.
 
     Base and apex are one vertex each, with triangles around them. Where the silhouette is finer than the rows, the
@@ -47,6 +47,8 @@ def leaf_topology(across: int, along: int, silhouette: int) -> LeafTopology:
         across: cells from silhouette to silhouette, even, 4 or more, so that the axis is an edge.
         along: rows of cells from base to apex, 2 or more.
         silhouette: segments of either silhouette, along or more.
+        even: Rows and segments are evenly spaced, which comes nearest to the surface where they are few; else they are
+            drawn towards both ends.
 
     Raises:
         ValueError: A number is not of this kind.
@@ -59,8 +61,9 @@ def leaf_topology(across: int, along: int, silhouette: int) -> LeafTopology:
         raise ValueError(f"silhouette must be {along}, the number of rows, or more, not {silhouette}")
     columns, rows = across - 1, along - 1
     inner_u = np.arange(1 - across // 2, across // 2) / (across // 2)
-    silhouette_v = towards_ends(np.arange(silhouette + 1) / silhouette, SILHOUETTE_TOWARDS_ENDS)
-    row_steps = _rows_among(along, silhouette)  # each row ends at vertices of the silhouettes
+    silhouette_share, row_share = (0.0, 0.0) if even else (SILHOUETTE_TOWARDS_ENDS, ROWS_TOWARDS_ENDS)
+    silhouette_v = towards_ends(np.arange(silhouette + 1) / silhouette, silhouette_share)
+    row_steps = _rows_among(along, silhouette, row_share)  # each row ends at vertices of the silhouettes
     inner_v, silhouette_v = silhouette_v[row_steps[1:-1]], silhouette_v[1:-1]
 
     inner = 2 + np.arange(rows * columns).reshape(rows, columns)
@@ -94,10 +97,10 @@ def towards_ends(t: NDArray[np.float64], share: float) -> NDArray[np.float64]:
     return (1 - share) * t + share * (1 - np.cos(np.pi * t)) / 2
 
 
-def _rows_among(along: int, silhouette: int) -> NDArray[np.intp]:
+def _rows_among(along: int, silhouette: int, share: float) -> NDArray[np.intp]:
     """Which of the silhouette's vertices the along + 1 ends of the rows are; no two of them are the same."""
     row = np.arange(along + 1)
-    nearest = np.rint(towards_ends(row / along, ROWS_TOWARDS_ENDS) * silhouette).astype(np.intp)
+    nearest = np.rint(towards_ends(row / along, share) * silhouette).astype(np.intp)
     return np.minimum(np.maximum.accumulate(nearest - row) + row, silhouette - along + row)
 
 

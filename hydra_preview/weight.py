@@ -1,0 +1,99 @@
+"""How much there is to draw, and how it is drawn so that Storm holds it and ends soon."""
+
+import math
+from dataclasses import dataclass
+
+MAX_FACES = 4_000_000  # of refined subdivision surfaces, that Storm is given at once
+MANY = 1_000_000  # triangles, from which on a larger picture costs less than several samples of a pixel
+MAX_SIDE_PX = 8192
+MAX_PIXELS = 1 << 25
+REFINED_BY = 0.1  # of complexity, a level: each divides a face into four
+
+
+@dataclass(frozen=True)
+class Weight:
+    """What a stage has to draw, repeated as often as instancers and instances repeat it."""
+
+    triangles: int = 0  # of surfaces that are drawn as they are
+    cage_faces: int = 0  # of subdivision surfaces, before they are refined
+
+    def __add__(self, other: "Weight") -> "Weight":
+        return Weight(self.triangles + other.triangles, self.cage_faces + other.cage_faces)
+
+    def times(self, count: int) -> "Weight":
+        return Weight(self.triangles * count, self.cage_faces * count)
+
+    def drawn(self, level: int) -> int:
+        """Triangles, with subdivision surfaces refined so many times."""
+        return self.triangles + 2 * self.cage_faces * 4**level
+
+
+def weigh(stage, time, purposes: list[str]) -> Weight:
+    """What is drawn of a stage; what is invisible, or of another purpose, does not count."""
+    from pxr import UsdGeom
+
+    known: dict[str, Weight] = {}
+
+    def of_prototype(prim) -> Weight:
+        key = str(prim.GetPath())
+        if key not in known:
+            known[key] = Weight()  # a prototype that holds itself would never end
+            known[key] = of(prim)
+        return known[key]
+
+    def of(prim) -> Weight:
+        imageable = UsdGeom.Imageable(prim)
+        if imageable:
+            if imageable.GetVisibilityAttr().Get(time) == UsdGeom.Tokens.invisible:
+                return Weight()
+            if prim.IsA(UsdGeom.Gprim) and imageable.ComputePurpose() not in purposes:
+                return Weight()
+        if prim.IsInstance():
+            return of_prototype(prim.GetPrototype())
+        if prim.IsA(UsdGeom.PointInstancer):
+            return of_instancer(prim)
+        total = of_mesh(prim) if prim.IsA(UsdGeom.Mesh) else Weight()
+        for child in prim.GetChildren():
+            total = total + of(child)
+        return total
+
+    def of_mesh(prim) -> Weight:
+        mesh = UsdGeom.Mesh(prim)
+        counts = mesh.GetFaceVertexCountsAttr().Get(time) or ()
+        corners = len(mesh.GetFaceVertexIndicesAttr().Get(time) or ())
+        if mesh.GetSubdivisionSchemeAttr().Get(time) == UsdGeom.Tokens.none:
+            return Weight(triangles=max(0, corners - 2 * len(counts)))
+        return Weight(cage_faces=len(counts))
+
+    def of_instancer(prim) -> Weight:
+        instancer = UsdGeom.PointInstancer(prim)
+        paths = instancer.GetPrototypesRel().GetForwardedTargets()
+        repeats = [0] * len(paths)
+        for index in instancer.GetProtoIndicesAttr().Get(time) or ():
+            if 0 <= index < len(repeats):
+                repeats[index] += 1
+        total = Weight()
+        for path, count in zip(paths, repeats, strict=True):
+            prototype = stage.GetPrimAtPath(path)
+            if prototype and count:
+                total = total + of_prototype(prototype).times(count)
+        return total
+
+    return of(stage.GetPseudoRoot())
+
+
+def choose_complexity(weight: Weight, wanted: float) -> float:
+    """The wanted complexity, or the greatest below it at which Storm holds the refined surfaces."""
+    level = max(0, round((wanted - 1.0) / REFINED_BY))
+    while level and weight.cage_faces * 4**level > MAX_FACES:
+        level -= 1
+    return min(wanted, 1.0 + REFINED_BY * level)
+
+
+def choose_scale(weight: Weight, complexity: float, samples: int, sizes_px: list[tuple[int, int]]) -> int:
+    """By how much pictures are drawn larger, with one sample of a pixel, instead of with several; 1: they are not."""
+    scale = math.ceil(math.sqrt(samples))
+    if weight.drawn(max(0, round((complexity - 1.0) / REFINED_BY))) < MANY or scale == 1:
+        return 1
+    fits = all(scale * max(size) <= MAX_SIDE_PX and scale**2 * size[0] * size[1] <= MAX_PIXELS for size in sizes_px)
+    return scale if fits else 1
