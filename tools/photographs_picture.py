@@ -45,7 +45,7 @@ class PicturedPlant:
     hold_back: int | None = None  # every so many photographs, from the third on, one is withheld from the build
 
 
-ROWS: tuple[tuple[PicturedPlant | Path, ...], ...] = (  # a path: a pair that was drawn before
+ROWS: tuple[tuple[PicturedPlant, ...], ...] = (
     (
         PicturedPlant(
             name="basil",
@@ -53,7 +53,7 @@ ROWS: tuple[tuple[PicturedPlant | Path, ...], ...] = (  # a path: a pair that wa
             is_beside=True,
             photograph="00024_rgb.jpg",
         ),
-        Path("docs/arabidopsis.jpg"),  # of cameras that the data has in a format of its robot's
+        PicturedPlant(name="arabidopsis", capture="mv-arabidopsis", photograph="00008_rgb.jpg", hold_back=6),
     ),
     (
         PicturedPlant(name="pot", capture="synthetic/pot", photograph="007.jpg", hold_back=5),
@@ -70,12 +70,7 @@ def main() -> int:
     arguments = parser.parse_args()
     rows = []
     for plants in ROWS:
-        pairs = [
-            [fit_height(cv2.imread(str(plant))[..., ::-1])]
-            if isinstance(plant, Path)
-            else draw_pair(plant, arguments.data, arguments.builds / plant.name)
-            for plant in plants
-        ]
+        pairs = [draw_pair(plant, arguments.data, arguments.builds / plant.name) for plant in plants]
         rows.append(np.hstack([picture for pair in pairs for picture in pair]))
     width = max(row.shape[1] for row in rows)
     rows = [cv2.resize(row, (width, round(row.shape[0] * width / row.shape[1]))) for row in rows]
@@ -137,10 +132,16 @@ def copy_capture(source: Path, to: Path) -> Path:
 
 
 def pictured_capture(plant: PicturedPlant, data: Path, folder: Path) -> Capture:
-    """The capture that has the photograph, with its camera in the frame of what the plant was built of."""
+    """The capture that has the photograph, with its camera in the frame of what the plant was built of.
+
+    Of a plant of photographs alone that is what the build found, withheld photographs included.
+    """
     if plant.is_beside:
         (found,) = (data / plant.capture).parent.glob(f"*/images/{plant.photograph}")
         return read_capture(copy_capture(found.parents[1], folder / "beside"))
+    if not (folder / "capture" / "cameras").exists():
+        (found,) = (folder / "work" / "results").glob("*/withheld/*")
+        return read_capture(found)
     return read_capture(folder / "capture")
 
 
