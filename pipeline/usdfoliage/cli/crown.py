@@ -65,7 +65,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         type=int,
         default=AssetSettings.crown_mesh_size,
-        help="The mesh has this many vertices along an edge of the cube, 2 or more; the default is %(default)s.",
+        help="The mesh has this many vertices along an edge of the cube, 2 or more; the default is as few as keep the "
+        "silhouettes of the crown.",
     )
     _add_photo_options(parser.add_argument_group("of a photograph"))
     cloud = parser.add_argument_group("of a capture or a cloud")

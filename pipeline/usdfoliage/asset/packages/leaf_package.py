@@ -19,11 +19,11 @@ from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
 class AssetSettings:
     """How an asset of a crown is written."""
 
-    crown_mesh_size: int = 129  # vertices along a cube edge: 98,304 quads; odd, so that the poles are vertices
+    crown_mesh_size: int | None = None  # vertices along a cube edge; None: as few as keep the silhouettes
     version: str = "1"  # assetInfo
 
     def __post_init__(self) -> None:
-        if self.crown_mesh_size < 2:
+        if self.crown_mesh_size is not None and self.crown_mesh_size < 2:
             raise ValueError(f"crown_mesh_size must be at least 2, not {self.crown_mesh_size}")
 
 

@@ -51,7 +51,7 @@ DrawThumbnail = Callable[[Path, AssetShape], Path | None]  # called with the int
 class PlantAssetSettings:
     """How an asset of a whole plant is written; the leaves have settings of their own."""
 
-    crown_mesh_size: int = 129  # vertices along a cube edge, as AssetSettings
+    crown_mesh_size: int | None = None  # vertices along a cube edge, as AssetSettings
     switch_leaf_px: float = 2.0  # in the lod auto the crown takes over where the median leaf is no longer than that
     picture_px: tuple[int, int] = (1920, 1080)  # in a picture so wide and high
     switch_size: float = 0.05  # the same for a plant without leaves: the share of the picture's area that it covers
@@ -59,7 +59,7 @@ class PlantAssetSettings:
     lod: str | None = None  # that is selected; None, or one the plant has not: the leaves, or what its parts had
 
     def __post_init__(self) -> None:
-        if self.crown_mesh_size < 2:
+        if self.crown_mesh_size is not None and self.crown_mesh_size < 2:
             raise ValueError(f"crown_mesh_size must be at least 2, not {self.crown_mesh_size}")
         if not self.switch_leaf_px > 0 or min(self.picture_px) < 1:
             raise ValueError(f"leaves of {self.switch_leaf_px} pixels in {self.picture_px} cannot be; all are above 0")

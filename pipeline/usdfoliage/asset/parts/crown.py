@@ -18,6 +18,7 @@ from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
 from usdfoliage.geometry.crown_mesh import CrownMesh, build_crown_mesh
+from usdfoliage.geometry.crown_mesh_size import choose_mesh_size
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,10 +34,11 @@ class CrownPrim:
     mean_color: NDArray[np.float64]  # (3,), linear Rec.709; for applications that show no texture
 
 
-def crown_prim(name: str, crown: CrownModel, mesh_size: int) -> CrownPrim:
-    """What the layer payload/crown.usdc of the asset called name holds."""
+def crown_prim(name: str, crown: CrownModel, mesh_size: int | None) -> CrownPrim:
+    """What the layer payload/crown.usdc of the asset called name holds; a mesh_size of None is chosen."""
+    size = choose_mesh_size(crown.radius_m) if mesh_size is None else mesh_size
     return CrownPrim(
-        mesh=build_crown_mesh(crown.radius_m, crown.center_m, mesh_size),
+        mesh=build_crown_mesh(crown.radius_m, crown.center_m, size),
         radius_map=f"../{radius_map_path(name).as_posix()}",
         color_map=f"../{color_map_path(name).as_posix()}",
         center_m=np.asarray(crown.center_m, np.float64),

@@ -16,20 +16,22 @@ from usdfoliage.crown.model import CrownModel
 CROWN_LAYER = "crown.usdc"
 
 
-def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int) -> Part:
+def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int | None) -> Part:
     """Write a crown into the asset at place.
 
     Args:
         place: Where; the payload's folder exists.
         crown: In the plant's frame.
-        mesh_size: Vertices along a cube edge, at most as many as the map has texels.
+        mesh_size: Vertices along a cube edge, at most as many as the map has texels; None: as few as keep the
+            silhouettes.
 
     Raises:
         ValueError: The crown is not what CrownModel promises.
         WriteError: A file cannot be written.
     """
     # A mesh finer than its map would show the map's texels as facets.
-    prim = crown_prim(place.name, crown, min(mesh_size, crown.radius_m.shape[1]))
+    size = None if mesh_size is None else min(mesh_size, crown.radius_m.shape[1])
+    prim = crown_prim(place.name, crown, size)
     write_crown_maps(place.folder, place.name, crown)
     copy_shaders(place.folder / "shaders", (CROWN_SHADER,))
     write_crown_layer(place.payload / CROWN_LAYER, place.name, prim)

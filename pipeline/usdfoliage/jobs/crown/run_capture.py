@@ -31,7 +31,7 @@ from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.jobs.crown.capture_input import CrownCapture, PlantPoints, read_crown_capture
 from usdfoliage.jobs.crown.capture_report import DrawnCrown, captured_rows, draw_captured_crown, write_captured_report
 from usdfoliage.jobs.crown.photograph_report import CrownReport
-from usdfoliage.jobs.crown.written import WrittenCrown
+from usdfoliage.jobs.crown.written import WrittenCrown, describe_mesh_size
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest
 from usdfoliage.jobs.preview.pictures import remark_missing_pictures
 from usdfoliage.jobs.report.table import Row, WrittenReport
@@ -255,7 +255,7 @@ def describe_settings(request: CapturedCrownRequest) -> dict[str, str]:
     return {
         **cloud,
         "size": str(request.settings.size),
-        "mesh-size": str(min(request.asset_settings.crown_mesh_size, request.settings.size)),
+        "mesh-size": describe_mesh_size(request.asset_settings, request.settings.size),
         "seed": str(request.settings.seed),
     }
 

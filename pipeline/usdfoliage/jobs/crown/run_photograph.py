@@ -20,7 +20,7 @@ from usdfoliage.errors import AssetError, FoliageError, PreviewError
 from usdfoliage.files.hashing import hash_bytes, hash_file
 from usdfoliage.jobs.crown.photograph import STEPS, CrownSettings, reconstruct_crown
 from usdfoliage.jobs.crown.photograph_report import CrownReport, measure_rows, write_crown_report
-from usdfoliage.jobs.crown.written import WrittenCrown
+from usdfoliage.jobs.crown.written import WrittenCrown, describe_mesh_size
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
 from usdfoliage.jobs.report.table import ReportView
 from usdfoliage.progress import StepProgress, progress_in_step
@@ -191,7 +191,7 @@ def describe_settings(request: CrownRequest) -> dict[str, str]:
         "relief": f"{settings.relief:g}",
         "pyramid": "laplacian" if settings.band_pass else "gaussian",
         "copies": str(settings.copies),
-        "mesh-size": str(min(request.asset_settings.crown_mesh_size, settings.size)),
+        "mesh-size": describe_mesh_size(request.asset_settings, settings.size),
         "mask": request.mask.name if request.mask else "proposed",
         "color-space": request.color_space or "as the file states",
         "seed": str(settings.seed),

@@ -146,12 +146,14 @@ class CrownStageSettings:
 
     make: bool = True  # true gives the plant a crown.
     size: int = 256  # A face of the crown's cubemaps has this many texels a side. Unit: texels. Range: 32 to 4096.
-    mesh_size: int = 65  # The crown's mesh has this many vertices along an edge of the cube. Range: 2 to 4097.
+    # The crown's mesh has this many vertices along an edge of the cube; auto takes as few as keep its silhouettes.
+    # Range: 2 to 4097.
+    mesh_size: int | None = None
 
     def __post_init__(self) -> None:
         if not 32 <= self.size <= 4096:
             raise ValueError(f"size must be 32 to 4096 texels, not {self.size}")
-        if not 2 <= self.mesh_size <= 4097:
+        if self.mesh_size is not None and not 2 <= self.mesh_size <= 4097:
             raise ValueError(f"mesh_size must be 2 to 4097, not {self.mesh_size}")
 
 
