@@ -104,6 +104,8 @@ def write_leaf_part(place: AssetPlace, foliage: BranchLeaves) -> Part:
         shaders=SHADERS,
         texture=texture or None,
         texture_color=appearance.texture_color,
+        color=appearance.color,
+        mean_color=_mean_color(foliage.leaves),
         jitter_map=jitter_map or None,
     )
     layers = {representation: [f"./{REPRESENTATIONS[representation]}"] for representation in representations}
@@ -183,6 +185,14 @@ def _write_representations(place: AssetPlace, foliage: BranchLeaves, jitter: Jit
             mesh = build_leaf_mesh(drawn, settings.mesh, jitter)
             boxes.append(write_mesh_layer(path, place.name, mesh, drawn, color))
     return boxes
+
+
+def _mean_color(leaves: Leaves) -> tuple[float, float, float] | None:
+    """Of the leaves that have colours of their own; None where they have none."""
+    if leaves.color is None or not len(leaves):
+        return None
+    red, green, blue = map(float, np.mean(leaves.color, axis=0))
+    return red, green, blue
 
 
 def _texture_name(name: str) -> str:
