@@ -162,6 +162,7 @@ def author_card(stage: Usd.Stage, card: Card, x_m: float, material: UsdShade.Mat
     mesh.CreateFaceVertexCountsAttr([4])
     mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3])
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateDoubleSidedAttr(True)
     mesh.CreateExtentAttr([(x_m - 0.5, -0.5, 0), (x_m + 0.5, 0.5, 0)])
     st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
     st.Set([(x + 0.5, y + 0.5) for x, y in corners])

@@ -10,6 +10,7 @@ from usdfoliage.asset.materials.picture import is_linear
 MTLX = "mtlx"  # the render context
 OPEN_PBR = "ND_open_pbr_surface_surfaceshader"
 MTLX_SURFACE = "MtlxSurface"  # below the material
+MAX_WEIGHT = 0.9  # of the light that shines through; the base is divided by the rest
 
 _TYPES = Sdf.ValueTypeNames
 Color = tuple[float, float, float]
@@ -115,21 +116,49 @@ def author_thin_open_pbr(
     """The same for a thin sheet, which scatters its colour back as a surface that is not thin does.
 
     OpenPBR mixes the base and the subsurface light by a weight w; of a sheet, anisotropy 1 sends all subsurface light
-    through. What is scattered back is (1 - w) base_color, what shines through w subsurface_color. Both are scaled up,
-    so that the weight takes nothing from the colour. (MaterialX up to 1.39.5 multiplies by subsurface_color twice, its
-    issue 3027: less shines through there.)
+    through. What is scattered back is (1 - w) base_color, what shines through w subsurface_color. The weight is the
+    strongest channel of what shines through, and subsurface_color the rest of it, so 1 in that channel: MaterialX up to
+    1.39.5 multiplies by that colour twice (its issue 3027). So base_color is little more than the colour itself, for
+    applications that know no light through a sheet.
     """
     stage, path = material.GetPrim().GetStage(), material.GetPath()
-    whole = 1 + sheet.translucency
-    red, green, blue = sheet.transmission_tint
-    scattered = author_product(stage, path.AppendChild("MtlxScattered"), color, (whole, whole, whole))
-    through = author_product(
-        stage, path.AppendChild("MtlxTransmitted"), color, (whole * red, whole * green, whole * blue)
-    )
+    red, green, blue = (sheet.translucency * factor for factor in sheet.transmission_tint)
+    through = author_product(stage, path.AppendChild("MtlxThrough"), color, (red, green, blue))
+    weight = _author_strongest(stage, path, through)
+    numbers: Inputs = {"in1": (_TYPES.Float, 1.0), "in2": (_TYPES.Float, weight)}
+    rest = author_node(stage, path.AppendChild("MtlxRest"), "ND_subtract_float", _TYPES.Float, numbers)
+    own = _author_ratio(stage, path.AppendChild("MtlxTransmitted"), through, weight)
     thin = {
-        "subsurface_weight": (_TYPES.Float, sheet.translucency / whole),
-        "subsurface_color": (_TYPES.Color3f, through),
+        "subsurface_weight": (_TYPES.Float, weight),
+        "subsurface_color": (_TYPES.Color3f, own),
         "subsurface_scatter_anisotropy": (_TYPES.Float, 1.0),
         "geometry_thin_walled": (_TYPES.Bool, True),
     }
+    scattered = _author_ratio(stage, path.AppendChild("MtlxScattered"), color, rest)
     return author_open_pbr(material, scattered, {**thin, **inputs})
+
+
+def _author_strongest(stage: Usd.Stage, path: Sdf.Path, color: UsdShade.Shader) -> UsdShade.Shader:
+    """The largest of a colour's three numbers, kept above 0 and below 1."""
+    number = _TYPES.Float
+    channels = [
+        author_node(
+            stage,
+            path.AppendChild(f"MtlxThrough{name}"),
+            "ND_extract_color3",
+            number,
+            {"in": (_TYPES.Color3f, color), "index": (_TYPES.Int, index)},
+        )
+        for index, name in enumerate(("Red", "Green", "Blue"))
+    ]
+    largest = channels[0]
+    for step, channel in enumerate(channels[1:], 1):
+        pair: Inputs = {"in1": (number, largest), "in2": (number, channel)}
+        largest = author_node(stage, path.AppendChild(f"MtlxLarger{step}"), "ND_max_float", number, pair)
+    limits: Inputs = {"in": (number, largest), "low": (number, 1e-4), "high": (number, MAX_WEIGHT)}
+    return author_node(stage, path.AppendChild("MtlxWeight"), "ND_clamp_float", number, limits)
+
+
+def _author_ratio(stage: Usd.Stage, path: Sdf.Path, color: UsdShade.Shader, number: UsdShade.Shader) -> UsdShade.Shader:
+    inputs: Inputs = {"in1": (_TYPES.Color3f, color), "in2": (_TYPES.Float, number)}
+    return author_node(stage, path, "ND_divide_color3FA", _TYPES.Color3f, inputs)
