@@ -19,9 +19,10 @@ from mathutils import Vector
 
 
 def import_asset(path: Path) -> None:
-    """Read the file into an empty scene, its textures where they lie."""
+    """Read the file into an empty scene, its textures where they lie, subdivision surfaces as such."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    if bpy.ops.wm.usd_import(filepath=str(path), import_textures_mode="IMPORT_NONE") != {"FINISHED"}:
+    done = bpy.ops.wm.usd_import(filepath=str(path), import_textures_mode="IMPORT_NONE", import_subdivision=True)
+    if done != {"FINISHED"}:
         raise SystemExit(f"error: Blender cannot import it ({path})")
 
 
@@ -66,6 +67,7 @@ def describe_object(thing: bpy.types.Object) -> dict:
         described["vertices"] = len(thing.data.vertices)
         described["faces"] = len(thing.data.polygons)
         described["islands"] = count_islands(thing.data)
+        described["subdivided"] = any(modifier.type == "SUBSURF" for modifier in thing.modifiers)
         described["uv_maps"] = [layer.name for layer in thing.data.uv_layers]
         described["materials"] = [slot.material.name for slot in thing.material_slots if slot.material]
     return described
