@@ -138,7 +138,7 @@ def author_material(stage: Usd.Stage, card: str) -> UsdShade.Material:
             shaders=shaders,
             texture=textures.get(card),
             texture_color=MIDDLE if card == "leaf_tinted" else None,
-            mean_color=TINTED,
+            typical_color=TINTED,
             specular=0.0,
             veins=0.0,
             mottling=0.0,

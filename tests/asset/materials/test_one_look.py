@@ -17,7 +17,7 @@ from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.edits.bake import BakeRequest, bake_asset
 from usdfoliage.jobs.preview.recorder import find_interpreter
 
-from tests.support.leaves.assets import two_leaves, write_spray
+from tests.support.leaves.assets import random_leaves, two_leaves, write_spray
 
 CROWN = CrownMaterial(
     color_map="./color.exr",
@@ -28,7 +28,7 @@ CROWN = CrownMaterial(
     radius_range_m=(1, 2),
 )
 MIDDLE = (0.25, 0.5, 0.125)
-LEAF = LeafMaterial(shaders="./shaders", texture="./leaf.png", texture_color=MIDDLE, mean_color=(0.125, 0.5, 0.25))
+LEAF = LeafMaterial(shaders="./shaders", texture="./leaf.png", texture_color=MIDDLE, typical_color=(0.125, 0.5, 0.25))
 AUTHORED = {
     "Leaf": lambda stage, path: author_leaf_material(stage, path, LEAF),
     "PlainLeaf": lambda stage, path: author_leaf_material(stage, path, LeafMaterial(shaders="./shaders")),
@@ -154,14 +154,15 @@ def test_the_tint_of_an_asset_is_that_of_its_leaves_and_a_bake_renews_it(tmp_pat
     cv2.imwrite(str(picture), np.full((4, 4, 4), 128, np.uint8))
     interface = write_spray(
         tmp_path / "spray",
-        appearance=LeafAppearance(texture=picture, texture_color=MIDDLE, color=MIDDLE),
+        random_leaves(3),
+        LeafAppearance(texture=picture, texture_color=MIDDLE, color=MIDDLE),
         representations=("bezier",),
     )
     assert tints_of(open_asset(interface), "/spray/mtl/Leaf")["preview"] == (1, 1, 1)
-    scene = Usd.Stage.Open(str(interface))  # somebody paints the two leaves
+    scene = Usd.Stage.Open(str(interface))  # somebody paints the leaves, one of them brown
     instancer = UsdGeom.PrimvarsAPI(scene.GetPrimAtPath("/spray/geo/render/Leaves"))
     painted = instancer.CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.varying)
-    painted.Set([Gf.Vec3f(0.5, 0.5, 0.125), Gf.Vec3f(0.25, 0.25, 0.125)])
+    painted.Set([Gf.Vec3f(0.375, 0.375, 0.125), Gf.Vec3f(0.375, 0.5, 0.125), Gf.Vec3f(0.9, 0.1, 0.9)])
     scene.Save()
     request = BakeRequest(
         asset=interface, output=tmp_path / "baked", name="spray", representations=None, resolution=None, source="bezier"

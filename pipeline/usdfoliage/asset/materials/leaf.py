@@ -42,7 +42,7 @@ class LeafMaterial:
     texture_color: tuple[float, float, float] | None = None  # median of the texture: displayColor over it is the tint
     jitter_map: str | None = None  # one cycle of the silhouette's jitter, see FoliageLeafAPI
     color: tuple[float, float, float] = LEAF_COLOR  # where a gprim has no displayColor
-    mean_color: tuple[float, float, float] | None = None  # of all leaves, see preview_tint; None: color
+    typical_color: tuple[float, float, float] | None = None  # of all leaves, see preview_tint; None: color
     translucency: float = 0.7  # light that shines through, as a part of what is scattered back
     transmission_tint: tuple[float, float, float] = (1.8, 1.3, 0.3)  # factor on the colour of that light
     roughness: float = 0.45
@@ -64,7 +64,7 @@ class LeafMaterial:
             raise ValueError(f"vein_pairs must be 1 or more, not {self.vein_pairs}")
         if self.texture_color is not None and not all(0 < c < np.inf for c in self.texture_color):
             raise ValueError(f"texture_color must be three numbers above 0, not {self.texture_color}")
-        for name in ("color", "mean_color", "transmission_tint"):
+        for name in ("color", "typical_color", "transmission_tint"):
             value = getattr(self, name)
             if value is not None and (len(value) != 3 or not all(0 <= c < np.inf for c in value)):
                 raise ValueError(f"{name} must be three numbers of 0 or more, not {value}")
@@ -74,8 +74,8 @@ class LeafMaterial:
         """The tint of the texture in UsdPreviewSurface, the same for all leaves: it cannot multiply by a primvar."""
         if self.texture is None or self.texture_color is None:
             return None
-        mean = self.color if self.mean_color is None else self.mean_color
-        red, green, blue = (own / middle for own, middle in zip(mean, self.texture_color, strict=True))
+        typical = self.color if self.typical_color is None else self.typical_color
+        red, green, blue = (own / middle for own, middle in zip(typical, self.texture_color, strict=True))
         return red, green, blue
 
 

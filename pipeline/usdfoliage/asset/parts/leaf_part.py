@@ -105,7 +105,7 @@ def write_leaf_part(place: AssetPlace, foliage: BranchLeaves) -> Part:
         texture=texture or None,
         texture_color=appearance.texture_color,
         color=appearance.color,
-        mean_color=_mean_color(foliage.leaves),
+        typical_color=_typical_color(foliage.leaves),
         jitter_map=jitter_map or None,
     )
     layers = {representation: [f"./{REPRESENTATIONS[representation]}"] for representation in representations}
@@ -187,11 +187,11 @@ def _write_representations(place: AssetPlace, foliage: BranchLeaves, jitter: Jit
     return boxes
 
 
-def _mean_color(leaves: Leaves) -> tuple[float, float, float] | None:
-    """Of the leaves that have colours of their own; None where they have none."""
+def _typical_color(leaves: Leaves) -> tuple[float, float, float] | None:
+    """The median of the leaves' own colours, which a few dry leaves do not change; None where they have none."""
     if leaves.color is None or not len(leaves):
         return None
-    red, green, blue = map(float, np.mean(leaves.color, axis=0))
+    red, green, blue = map(float, np.median(leaves.color, axis=0))
     return red, green, blue
 
 
