@@ -38,6 +38,7 @@ bench: setup
 	@$(PYTHON_VENV) tools/bench/leaf.py
 	@$(PYTHON_VENV) tools/bench/leaf_asset.py
 	@$(PYTHON_VENV) tools/bench/leaf_storm.py
+	@$(PYTHON_VENV) tools/bench/looks.py
 	@$(PYTHON_VENV) tools/bench/leaf_fit.py
 	@$(PYTHON_VENV) tools/bench/leaves.py
 	@$(PYTHON_VENV) tools/bench/branches.py

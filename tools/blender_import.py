@@ -1,9 +1,10 @@
 """Open a USD asset in Blender, as an artist would, and print what arrived there as one line of JSON.
 
-usage: .venv-preview/bin/python tools/blender_import.py ASSET.usda [--render PNG] [--size W H] [--samples N]
+usage: .venv-preview/bin/python tools/blender_import.py ASSET.usda [--render PNG] [--albedo EXR] [--size W H] ...
 
 Runs in an interpreter that has `bpy`. Bounds are printed in Blender's frame (Z up, as it shows them) and in the asset's
-(Y up, metres). --render draws the front with Cycles under an even white sky, so that colours come out as they are.
+(Y up, metres). --render draws the front with Cycles under an even white sky, so that colours come out as they are;
+--albedo writes the colour of the surfaces there alone, linear, as Cycles' pass of the diffuse colour.
 """
 
 import argparse
@@ -18,9 +19,10 @@ from mathutils import Vector
 
 
 def import_asset(path: Path) -> None:
-    """Read the file into an empty scene, its textures where they lie."""
+    """Read the file into an empty scene, its textures where they lie, subdivision surfaces as such."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    if bpy.ops.wm.usd_import(filepath=str(path), import_textures_mode="IMPORT_NONE") != {"FINISHED"}:
+    done = bpy.ops.wm.usd_import(filepath=str(path), import_textures_mode="IMPORT_NONE", import_subdivision=True)
+    if done != {"FINISHED"}:
         raise SystemExit(f"error: Blender cannot import it ({path})")
 
 
@@ -65,6 +67,7 @@ def describe_object(thing: bpy.types.Object) -> dict:
         described["vertices"] = len(thing.data.vertices)
         described["faces"] = len(thing.data.polygons)
         described["islands"] = count_islands(thing.data)
+        described["subdivided"] = any(modifier.type == "SUBSURF" for modifier in thing.modifiers)
         described["uv_maps"] = [layer.name for layer in thing.data.uv_layers]
         described["materials"] = [slot.material.name for slot in thing.material_slots if slot.material]
     return described
@@ -102,8 +105,8 @@ def describe_scene() -> dict:
     return found
 
 
-def render_front(bound: list[list[float]], output: Path, size_px: tuple[int, int], samples: int) -> None:
-    """Draw what a camera before the asset sees, without perspective, on a transparent ground."""
+def set_up_front(bound: list[list[float]], size_px: tuple[int, int], samples: int) -> None:
+    """Put a camera before the asset, without perspective, for Cycles on a transparent ground."""
     low, high = Vector(bound[0]), Vector(bound[1])
     middle, extent = (low + high) / 2, high - low
     scene = bpy.context.scene
@@ -130,8 +133,26 @@ def render_front(bound: list[list[float]], output: Path, size_px: tuple[int, int
     scene.render.film_transparent = True
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = width_px, height_px, 100
     scene.view_settings.view_transform = "Standard"
+
+
+def render_front(output: Path) -> None:
+    """Draw the front as it is displayed."""
+    scene = bpy.context.scene
     settings = scene.render.image_settings
     settings.file_format, settings.color_mode, settings.color_depth = "PNG", "RGBA", "8"
+    scene.render.filepath = str(output)
+    bpy.ops.render.render(write_still=True)
+
+
+def render_albedo(output: Path) -> None:
+    """Write the diffuse colour of what the front shows."""
+    scene = bpy.context.scene
+    (layer,) = scene.view_layers
+    layer.use_pass_diffuse_color = True
+    layer.use_pass_combined = False
+    settings = scene.render.image_settings
+    settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format, settings.color_depth = "OPEN_EXR_MULTILAYER", "32"
     scene.render.filepath = str(output)
     bpy.ops.render.render(write_still=True)
 
@@ -140,6 +161,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("asset", type=Path)
     parser.add_argument("--render", metavar="PNG", type=Path)
+    parser.add_argument("--albedo", metavar="EXR", type=Path)
     parser.add_argument("--size", metavar=("W", "H"), type=int, nargs=2, default=(256, 256))
     parser.add_argument("--samples", type=int, default=8)
     options = parser.parse_args()
@@ -147,10 +169,14 @@ def main() -> None:
         raise SystemExit(f"error: no such file ({options.asset})")
     import_asset(options.asset.resolve())
     found = describe_scene()
-    if options.render is not None:
+    if options.render is not None or options.albedo is not None:
         if "bound_blender" not in found:
             raise SystemExit(f"error: Blender imported no mesh to draw ({options.asset})")
-        render_front(found["bound_blender"], options.render.resolve(), tuple(options.size), options.samples)
+        set_up_front(found["bound_blender"], tuple(options.size), options.samples)
+    if options.render is not None:
+        render_front(options.render.resolve())
+    if options.albedo is not None:
+        render_albedo(options.albedo.resolve())
     sys.stdout.flush()
     print("\n" + json.dumps(found))
 

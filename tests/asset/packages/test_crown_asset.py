@@ -156,7 +156,7 @@ def test_crown_has_a_material_for_every_renderer(oak):
     assert relationship.GetPrim() == prim  # on the gprim itself
     assert material.GetPath() == "/oak/mtl/Crown"
     assert material.ComputeSurfaceSource()[0].GetIdAttr().Get() == "UsdPreviewSurface"
-    assert material.ComputeSurfaceSource("mtlx")[0].GetIdAttr().Get() == "ND_standard_surface_surfaceshader"
+    assert material.ComputeSurfaceSource("mtlx")[0].GetIdAttr().Get() == "ND_open_pbr_surface_surfaceshader"
     storm = material.ComputeSurfaceSource("glslfx")[0]
     assert Path(storm.GetSourceAsset("glslfx").resolvedPath).is_file()
     texture = UsdShade.Shader(stage.GetPrimAtPath("/oak/mtl/Crown/ColorMap"))

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdShade
 
+from usdfoliage.asset.materials.mtlx import author_image, author_image_color, author_open_pbr, author_primvar_color
+from usdfoliage.asset.materials.picture import usd_color_space
+
 BARK_COLOR = (0.11, 0.075, 0.05)  # linear Rec.709, of a dry trunk
 
 
@@ -40,8 +43,7 @@ def author_bark_material(stage: Usd.Stage, path: Sdf.Path, bark: BarkMaterial) -
     surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(bark.roughness)
     surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
-    mtlx = _author_mtlx_surface(stage, path, bark)
-    material.CreateSurfaceOutput("mtlx").ConnectToSource(mtlx.ConnectableAPI(), "out")
+    _author_mtlx_surface(stage, material, bark)
     return material
 
 
@@ -63,7 +65,7 @@ def _author_texture(stage: Usd.Stage, path: Sdf.Path, bark: BarkMaterial, file: 
     texture = UsdShade.Shader.Define(stage, path.AppendChild("Texture"))
     texture.CreateIdAttr("UsdUVTexture")
     texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(file))
-    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("auto")
+    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set(usd_color_space(file))
     for direction in ("wrapS", "wrapT"):
         texture.CreateInput(direction, Sdf.ValueTypeNames.Token).Set("repeat")
     texture.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*bark.color, 1))
@@ -72,33 +74,11 @@ def _author_texture(stage: Usd.Stage, path: Sdf.Path, bark: BarkMaterial, file: 
     return texture
 
 
-def _author_mtlx_surface(stage: Usd.Stage, path: Sdf.Path, bark: BarkMaterial) -> UsdShade.Shader:
-    color = UsdShade.Shader.Define(stage, path.AppendChild("MtlxColor"))
-    color.CreateOutput("out", Sdf.ValueTypeNames.Color3f)
+def _author_mtlx_surface(stage: Usd.Stage, material: UsdShade.Material, bark: BarkMaterial) -> None:
+    path = material.GetPath()
     if bark.texture is None:
-        color.CreateIdAttr("ND_geompropvalue_color3")
-        color.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("displayColor")
-        color.CreateInput("default", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*bark.color))
+        color = author_primvar_color(stage, path.AppendChild("MtlxColor"), "displayColor", bark.color)
     else:
-        reader = UsdShade.Shader.Define(stage, path.AppendChild("MtlxSt"))
-        reader.CreateIdAttr("ND_geompropvalue_vector2")
-        reader.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("st")
-        reader.CreateOutput("out", Sdf.ValueTypeNames.Float2)
-        scale = UsdShade.Shader.Define(stage, path.AppendChild("MtlxMetres"))
-        scale.CreateIdAttr("ND_multiply_vector2")
-        scale.CreateInput("in1", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "out")
-        scale.CreateInput("in2", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(1 / bark.texture_m))
-        scale.CreateOutput("out", Sdf.ValueTypeNames.Float2)
-        color.CreateIdAttr("ND_image_color3")
-        file = color.CreateInput("file", Sdf.ValueTypeNames.Asset)
-        file.Set(Sdf.AssetPath(bark.texture))
-        linear = bark.texture.lower().endswith((".exr", ".hdr", ".pfm"))
-        file.GetAttr().SetColorSpace("lin_rec709" if linear else "srgb_texture")
-        color.CreateInput("texcoord", Sdf.ValueTypeNames.Float2).ConnectToSource(scale.ConnectableAPI(), "out")
-    surface = UsdShade.Shader.Define(stage, path.AppendChild("MtlxSurface"))
-    surface.CreateIdAttr("ND_standard_surface_surfaceshader")
-    surface.CreateInput("base", Sdf.ValueTypeNames.Float).Set(1.0)
-    surface.CreateInput("base_color", Sdf.ValueTypeNames.Color3f).ConnectToSource(color.ConnectableAPI(), "out")
-    surface.CreateInput("specular_roughness", Sdf.ValueTypeNames.Float).Set(bark.roughness)
-    surface.CreateOutput("out", Sdf.ValueTypeNames.Token)
-    return surface
+        image = author_image(stage, path, bark.texture, bark.color, wrap="periodic", scale=1 / bark.texture_m)
+        color = author_image_color(stage, path, image)
+    author_open_pbr(material, color, {"specular_roughness": (Sdf.ValueTypeNames.Float, bark.roughness)})

@@ -4,8 +4,12 @@ from dataclasses import dataclass
 
 from pxr import Gf, Sdf, Usd, UsdShade
 
+from usdfoliage.asset.materials.mtlx import ThinSheet, author_image, author_image_color, author_thin_open_pbr
+
 CROWN_SHADER = "usdFoliageCrown.glslfx"
 LEAF_ROUGHNESS = 0.8  # a crown scatters light; single leaves shine, their sum does not
+TRANSLUCENCY = 0.25  # light that shines through, as a part of what is scattered back
+MISSING_COLOR = (0.1, 0.2, 0.05)  # linear, where the map is missing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,8 +31,7 @@ def author_crown_material(stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial
     texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
     surface = _author_preview_surface(stage, path.AppendChild("PreviewSurface"), texture)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
-    surface = _author_mtlx_surface(stage, path, crown)
-    material.CreateSurfaceOutput("mtlx").ConnectToSource(surface.ConnectableAPI(), "out")
+    _author_mtlx_surface(stage, material, crown)
     radius = _author_preview_texture(stage, path.AppendChild("RadiusMap"), crown.radius_map)
     radius.CreateOutput("r", Sdf.ValueTypeNames.Float)
     surface = _author_storm_surface(stage, path.AppendChild("StormSurface"), crown, texture, radius)
@@ -62,30 +65,13 @@ def _author_preview_surface(stage: Usd.Stage, path: Sdf.Path, texture: UsdShade.
     return surface
 
 
-def _author_mtlx_surface(stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial) -> UsdShade.Shader:
-    reader = UsdShade.Shader.Define(stage, path.AppendChild("MtlxSt"))
-    reader.CreateIdAttr("ND_geompropvalue_vector2")
-    reader.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("st")
-    reader.CreateOutput("out", Sdf.ValueTypeNames.Float2)
-
-    image = UsdShade.Shader.Define(stage, path.AppendChild("MtlxColorMap"))
-    image.CreateIdAttr("ND_image_color3")
-    file = image.CreateInput("file", Sdf.ValueTypeNames.Asset)
-    file.Set(Sdf.AssetPath(crown.color_map))
-    file.GetAttr().SetColorSpace("lin_rec709")
-    for mode in ("uaddressmode", "vaddressmode"):
-        image.CreateInput(mode, Sdf.ValueTypeNames.String).Set("clamp")
-    image.CreateInput("texcoord", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "out")
-    image.CreateOutput("out", Sdf.ValueTypeNames.Color3f)
-
-    surface = UsdShade.Shader.Define(stage, path.AppendChild("MtlxSurface"))
-    surface.CreateIdAttr("ND_standard_surface_surfaceshader")
-    surface.CreateInput("base", Sdf.ValueTypeNames.Float).Set(1.0)
-    surface.CreateInput("base_color", Sdf.ValueTypeNames.Color3f).ConnectToSource(image.ConnectableAPI(), "out")
-    surface.CreateInput("specular", Sdf.ValueTypeNames.Float).Set(0.3)
-    surface.CreateInput("specular_roughness", Sdf.ValueTypeNames.Float).Set(LEAF_ROUGHNESS)
-    surface.CreateOutput("out", Sdf.ValueTypeNames.Token)
-    return surface
+def _author_mtlx_surface(stage: Usd.Stage, material: UsdShade.Material, crown: CrownMaterial) -> None:
+    image = author_image(stage, material.GetPath(), crown.color_map, MISSING_COLOR, wrap="clamp")
+    sheet = ThinSheet(translucency=TRANSLUCENCY)
+    number = Sdf.ValueTypeNames.Float
+    gloss = {"specular_weight": (number, 0.3), "specular_roughness": (number, LEAF_ROUGHNESS)}
+    color = author_image_color(stage, material.GetPath(), image)
+    author_thin_open_pbr(material, color, sheet, gloss)
 
 
 def _author_storm_surface(

@@ -6,6 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
+from usdfoliage.asset.materials.mtlx import (
+    ThinSheet,
+    author_image,
+    author_image_color,
+    author_image_opacity,
+    author_primvar_color,
+    author_product,
+    author_thin_open_pbr,
+)
+from usdfoliage.asset.materials.picture import usd_color_space
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.jitter import PERIOD
 
@@ -32,6 +42,7 @@ class LeafMaterial:
     texture_color: tuple[float, float, float] | None = None  # median of the texture: displayColor over it is the tint
     jitter_map: str | None = None  # one cycle of the silhouette's jitter, see FoliageLeafAPI
     color: tuple[float, float, float] = LEAF_COLOR  # where a gprim has no displayColor
+    typical_color: tuple[float, float, float] | None = None  # of all leaves, see preview_tint; None: color
     translucency: float = 0.7  # light that shines through, as a part of what is scattered back
     transmission_tint: tuple[float, float, float] = (1.8, 1.3, 0.3)  # factor on the colour of that light
     roughness: float = 0.45
@@ -53,19 +64,28 @@ class LeafMaterial:
             raise ValueError(f"vein_pairs must be 1 or more, not {self.vein_pairs}")
         if self.texture_color is not None and not all(0 < c < np.inf for c in self.texture_color):
             raise ValueError(f"texture_color must be three numbers above 0, not {self.texture_color}")
-        for name in ("color", "transmission_tint"):
-            if len(getattr(self, name)) != 3 or not all(0 <= c < np.inf for c in getattr(self, name)):
-                raise ValueError(f"{name} must be three numbers of 0 or more, not {getattr(self, name)}")
+        for name in ("color", "typical_color", "transmission_tint"):
+            value = getattr(self, name)
+            if value is not None and (len(value) != 3 or not all(0 <= c < np.inf for c in value)):
+                raise ValueError(f"{name} must be three numbers of 0 or more, not {value}")
+
+    @property
+    def preview_tint(self) -> tuple[float, float, float] | None:
+        """The tint of the texture in UsdPreviewSurface, the same for all leaves: it cannot multiply by a primvar."""
+        if self.texture is None or self.texture_color is None:
+            return None
+        typical = self.color if self.typical_color is None else self.typical_color
+        red, green, blue = (own / middle for own, middle in zip(typical, self.texture_color, strict=True))
+        return red, green, blue
 
 
 def author_leaf_material(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial) -> UsdShade.Material:
     """Define a material that shows leaves in their displayColor or their texture, for three kinds of renderer."""
     material = UsdShade.Material.Define(stage, path)
-    texture = _author_texture(stage, path, leaf.texture, leaf.color) if leaf.texture else None
+    texture = _author_texture(stage, path, leaf, leaf.texture) if leaf.texture else None
     surface = _author_preview_surface(stage, path.AppendChild("PreviewSurface"), leaf, texture)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
-    surface = _author_mtlx_surface(stage, path, leaf)
-    material.CreateSurfaceOutput("mtlx").ConnectToSource(surface.ConnectableAPI(), "out")
+    _author_mtlx_surface(stage, material, leaf)
     surface = _author_storm_surface(stage, path.AppendChild(STORM_SURFACE), leaf, texture)
     material.CreateSurfaceOutput("glslfx").ConnectToSource(surface.ConnectableAPI(), "surface")
     material.CreateDisplacementOutput("glslfx").ConnectToSource(surface.ConnectableAPI(), "displacement")
@@ -136,26 +156,37 @@ def _set_texture(texture: UsdShade.Shader, file: str, color_space: str, wrap: st
 
 @dataclass(frozen=True, kw_only=True)
 class _Texture:
-    """One file, read twice for Storm's shader: where it is missing, that takes the first number of the fallback for a.
+    """One file, read by three nodes.
 
-    UsdPreviewSurface reads both of the first: Blender takes the colour of a file for data where a second node reads it.
+    UsdPreviewSurface reads colour and opacity of one: Blender takes the colour of a file for data where a second node
+    feeds the opacity. It has the tint, too. Storm's shader tints each leaf by itself, and reads the opacity elsewhere:
+    where the file is missing, it takes the first number of the fallback for `a`.
     """
 
+    preview: UsdShade.Shader
     color: UsdShade.Shader
     opacity: UsdShade.Shader
 
 
-def _author_texture(stage: Usd.Stage, path: Sdf.Path, file: str, fallback: tuple[float, float, float]) -> _Texture:
-    color = UsdShade.Shader.Define(stage, path.AppendChild("Texture"))
-    _set_texture(color, file, "auto", "clamp")
-    color.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*fallback, 1.0))
-    color.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
-    color.CreateOutput("a", Sdf.ValueTypeNames.Float)
+def _author_texture(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial, file: str) -> _Texture:
+    preview = _author_colors(stage, path.AppendChild("PreviewTexture"), leaf, file)
+    preview.CreateOutput("a", Sdf.ValueTypeNames.Float)
+    if leaf.preview_tint is not None:
+        preview.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*leaf.preview_tint, 1.0))
+    color = _author_colors(stage, path.AppendChild("Texture"), leaf, file)
     opacity = UsdShade.Shader.Define(stage, path.AppendChild("TextureOpacity"))
-    _set_texture(opacity, file, "auto", "clamp")
+    _set_texture(opacity, file, usd_color_space(file), "clamp")
     opacity.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(1.0))
     opacity.CreateOutput("a", Sdf.ValueTypeNames.Float)
-    return _Texture(color=color, opacity=opacity)
+    return _Texture(preview=preview, color=color, opacity=opacity)
+
+
+def _author_colors(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial, file: str) -> UsdShade.Shader:
+    texture = UsdShade.Shader.Define(stage, path)
+    _set_texture(texture, file, usd_color_space(file), "clamp")
+    texture.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*leaf.color, 1.0))
+    texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    return texture
 
 
 def _author_preview_surface(
@@ -172,9 +203,9 @@ def _author_preview_surface(
         reader.CreateOutput("result", Sdf.ValueTypeNames.Float3)
         color.ConnectToSource(reader.ConnectableAPI(), "result")
     else:
-        color.ConnectToSource(texture.color.ConnectableAPI(), "rgb")
+        color.ConnectToSource(texture.preview.ConnectableAPI(), "rgb")
         opacity = surface.CreateInput("opacity", Sdf.ValueTypeNames.Float)
-        opacity.ConnectToSource(texture.color.ConnectableAPI(), "a")
+        opacity.ConnectToSource(texture.opacity.ConnectableAPI(), "a")
         surface.CreateInput("opacityThreshold", Sdf.ValueTypeNames.Float).Set(0.5)
     surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(leaf.roughness)
     surface.CreateInput("ior", Sdf.ValueTypeNames.Float).Set(_IOR)
@@ -182,71 +213,26 @@ def _author_preview_surface(
     return surface
 
 
-def _author_mtlx_surface(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial) -> UsdShade.Shader:
-    """A thin sheet whose subsurface light is what shines through."""
-    surface = UsdShade.Shader.Define(stage, path.AppendChild("MtlxSurface"))
-    surface.CreateIdAttr("ND_standard_surface_surfaceshader")
-    color = _author_mtlx_color(stage, path, leaf)
-    # The node mixes what is scattered back and what shines through; scaled up, each has the strength it has in Storm.
-    whole = 1 + leaf.translucency
-    scattered = _author_mtlx_product(stage, path.AppendChild("MtlxScattered"), color, Gf.Vec3f(whole))
-    tint = whole * Gf.Vec3f(*leaf.transmission_tint)
-    through = _author_mtlx_product(stage, path.AppendChild("MtlxTransmitted"), color, tint)
-    surface.CreateInput("base", Sdf.ValueTypeNames.Float).Set(1.0)
-    surface.CreateInput("base_color", Sdf.ValueTypeNames.Color3f).ConnectToSource(scattered.ConnectableAPI(), "out")
-    surface.CreateInput("subsurface", Sdf.ValueTypeNames.Float).Set(leaf.translucency / whole)
-    surface.CreateInput("subsurface_color", Sdf.ValueTypeNames.Color3f).ConnectToSource(through.ConnectableAPI(), "out")
-    surface.CreateInput("thin_walled", Sdf.ValueTypeNames.Bool).Set(True)
-    surface.CreateInput("specular", Sdf.ValueTypeNames.Float).Set(leaf.specular)
-    surface.CreateInput("specular_IOR", Sdf.ValueTypeNames.Float).Set(_IOR)
-    surface.CreateInput("specular_roughness", Sdf.ValueTypeNames.Float).Set(leaf.roughness)
-    surface.CreateOutput("out", Sdf.ValueTypeNames.Token)
-    return surface
-
-
-def _author_mtlx_product(stage: Usd.Stage, path: Sdf.Path, color: UsdShade.Shader, factor: Gf.Vec3f) -> UsdShade.Shader:
-    product = UsdShade.Shader.Define(stage, path)
-    product.CreateIdAttr("ND_multiply_color3")
-    product.CreateInput("in1", Sdf.ValueTypeNames.Color3f).ConnectToSource(color.ConnectableAPI(), "out")
-    product.CreateInput("in2", Sdf.ValueTypeNames.Color3f).Set(factor)
-    product.CreateOutput("out", Sdf.ValueTypeNames.Color3f)
-    return product
-
-
-def _author_mtlx_color(stage: Usd.Stage, path: Sdf.Path, leaf: LeafMaterial) -> UsdShade.Shader:
-    color = UsdShade.Shader.Define(stage, path.AppendChild("MtlxColor"))
-    color.CreateOutput("out", Sdf.ValueTypeNames.Color3f)
+def _author_mtlx_surface(stage: Usd.Stage, material: UsdShade.Material, leaf: LeafMaterial) -> None:
+    path, types = material.GetPath(), Sdf.ValueTypeNames
+    inputs: dict[str, tuple[Sdf.ValueTypeName, object]] = {
+        "specular_weight": (types.Float, leaf.specular),
+        "specular_roughness": (types.Float, leaf.roughness),
+        "specular_ior": (types.Float, _IOR),
+    }
     if leaf.texture is None:
-        _set_mtlx_display_color(color, leaf.color)
-        return color
-    reader = UsdShade.Shader.Define(stage, path.AppendChild("MtlxSt"))
-    reader.CreateIdAttr("ND_geompropvalue_vector2")
-    reader.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("st")
-    reader.CreateOutput("out", Sdf.ValueTypeNames.Float2)
-    color.CreateIdAttr("ND_image_color3")
-    file = color.CreateInput("file", Sdf.ValueTypeNames.Asset)
-    file.Set(Sdf.AssetPath(leaf.texture))
-    linear = leaf.texture.lower().endswith((".exr", ".hdr", ".pfm"))
-    file.GetAttr().SetColorSpace("lin_rec709" if linear else "srgb_texture")
-    for mode in ("uaddressmode", "vaddressmode"):
-        color.CreateInput(mode, Sdf.ValueTypeNames.String).Set("clamp")
-    color.CreateInput("texcoord", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "out")
-    if leaf.texture_color is None:
-        return color
-    display = UsdShade.Shader.Define(stage, path.AppendChild("MtlxDisplayColor"))
-    display.CreateOutput("out", Sdf.ValueTypeNames.Color3f)
-    _set_mtlx_display_color(display, leaf.texture_color)
-    inverse = Gf.Vec3f(*(1 / channel for channel in leaf.texture_color))
-    tint = _author_mtlx_product(stage, path.AppendChild("MtlxTint"), display, inverse)
-    tinted = _author_mtlx_product(stage, path.AppendChild("MtlxTinted"), color, Gf.Vec3f(1))
-    tinted.GetInput("in2").ConnectToSource(tint.ConnectableAPI(), "out")
-    return tinted
-
-
-def _set_mtlx_display_color(reader: UsdShade.Shader, fallback: tuple[float, float, float]) -> None:
-    reader.CreateIdAttr("ND_geompropvalue_color3")
-    reader.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set("displayColor")
-    reader.CreateInput("default", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*fallback))
+        color = author_primvar_color(stage, path.AppendChild("MtlxColor"), "displayColor", leaf.color)
+    else:
+        image = author_image(stage, path, leaf.texture, leaf.color, wrap="clamp")
+        color = author_image_color(stage, path, image)
+        inputs["geometry_opacity"] = (types.Float, author_image_opacity(stage, path, image))
+        if leaf.texture_color is not None:
+            own = author_primvar_color(stage, path.AppendChild("MtlxDisplayColor"), "displayColor", leaf.texture_color)
+            red, green, blue = leaf.texture_color
+            tint = author_product(stage, path.AppendChild("MtlxTint"), own, (1 / red, 1 / green, 1 / blue))
+            color = author_product(stage, path.AppendChild("MtlxTinted"), color, tint)
+    sheet = ThinSheet(translucency=leaf.translucency, transmission_tint=leaf.transmission_tint)
+    author_thin_open_pbr(material, color, sheet, inputs)
 
 
 def _author_storm_surface(

@@ -1,4 +1,4 @@
-"""Pictures as files: whether a file is one, and its copy in an asset."""
+"""Pictures as files: whether a file is one, which numbers it holds, and its copy in an asset."""
 
 from pathlib import Path
 
@@ -27,6 +27,16 @@ def why_no_picture(path: Path) -> str:
     kind = source.format_name()
     source.close()
     return f"{kind} is no format of pictures" if kind in _NO_PICTURES else ""
+
+
+def is_linear(file: str) -> bool:
+    """Whether a picture's format holds linear numbers, by its name; those of any other are sRGB."""
+    return file.lower().endswith((".exr", ".hdr", ".pfm"))
+
+
+def usd_color_space(file: str) -> str:
+    """The sourceColorSpace of a picture of colours: not `auto`, by which Blender may take them for data."""
+    return "raw" if is_linear(file) else "sRGB"
 
 
 def copy_picture(source: Path, target: Path) -> None:

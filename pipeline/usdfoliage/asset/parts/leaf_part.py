@@ -110,6 +110,8 @@ def write_leaf_part(place: AssetPlace, foliage: BranchLeaves) -> Part:
         shaders=SHADERS,
         texture=texture or None,
         texture_color=appearance.texture_color,
+        color=appearance.color,
+        typical_color=_typical_color(foliage.leaves),
         jitter_map=jitter_map or None,
     )
     layers = {representation: [f"./{REPRESENTATIONS[representation]}"] for representation in representations}
@@ -189,6 +191,14 @@ def _write_representations(place: AssetPlace, foliage: BranchLeaves, jitter: Jit
             mesh = build_leaf_mesh(drawn, settings.mesh, jitter)
             boxes.append(write_mesh_layer(path, place.name, mesh, drawn, color))
     return boxes
+
+
+def _typical_color(leaves: Leaves) -> tuple[float, float, float] | None:
+    """The median of the leaves' own colours, which a few dry leaves do not change; None where they have none."""
+    if leaves.color is None or not len(leaves):
+        return None
+    red, green, blue = map(float, np.median(leaves.color, axis=0))
+    return red, green, blue
 
 
 def _texture_name(name: str) -> str:
