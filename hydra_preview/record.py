@@ -343,7 +343,7 @@ def view_cameras(stage, time, request: dict) -> list:
 
 def record_views(request: dict) -> dict:
     """Draw every view to its EXR (linear, premultiplied alpha); returns the result but for the versions."""
-    from lighting import PREVIEW_ROOT, author_lights, has_lights
+    from lighting import PREVIEW_ROOT, author_lights, author_sky, has_lights
     from pxr import Sdf, Tf, Usd, UsdAppUtils, UsdGeom
     from weight import choose_complexity, choose_scale, weigh
 
@@ -379,7 +379,9 @@ def record_views(request: dict) -> dict:
         # The recorder rounds the height down; a fiftieth of a pixel keeps it from losing a row.
         camera.verticalAperture = camera.horizontalAperture * (height_px + 0.02) / width_px
         camera_prim.SetFromCamera(camera, time)
-        if not lit:
+        if not lit and request.get("light") == "even":
+            author_sky(stage, z_up, request["dome_texture"])
+        elif not lit:
             author_lights(stage, camera, z_up, request["dome_texture"])
         recorder.SetImageWidth(width_px)
         try:

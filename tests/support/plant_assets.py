@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from pxr import Usd
 from usdfoliage.asset.packages.branch_package import write_branch_asset
+from usdfoliage.asset.packages.cards import AssetPictures
 from usdfoliage.asset.packages.other_parts import find_other_parts
 from usdfoliage.asset.packages.plant_package import write_plant_asset
 from usdfoliage.asset.parts.branch_part import BranchAssetSettings
@@ -98,5 +99,5 @@ def write_whole_plant(
         branches=fork_branches(folder.parent / f"{folder.name}_branches") if branches else None,
         foliage=some_leaves(count) if leaves else None,
         crown=(round_crown() if crown is True else crown) or None,
-        thumbnail=picture,
+        pictures=AssetPictures(thumbnail=picture),
     )

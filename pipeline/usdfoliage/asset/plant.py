@@ -49,6 +49,7 @@ class Plant:
     )  # where several hold different things: what each does
     collections: Mapping[str, Sequence[str]] = field(default_factory=dict)  # what each includes, by COLLECTIONS
     thumbnail: str = ""  # picture, as a path from the interface layer
+    cards: Mapping[str, str] = field(default_factory=dict)  # pictures by side, as usdfoliage.asset.packages.cards
 
 
 def asset_name(text: str) -> str:

@@ -111,7 +111,7 @@ def test_the_shape_that_the_writer_reports_is_that_of_the_composed_asset(assets,
         foliage=leaves_on(fork(), "bezier", "mesh").foliage,
         crown=round_crown(),
         settings=PlantAssetSettings(lod=lod),
-        thumbnail=lambda interface, shape: shapes.append(shape),
+        pictures=lambda interface, shape: shapes.append(shape),
     )
     (shape,) = shapes
     assert {"lod", "representation", "rig", "growth"} <= shape.variants.keys()

@@ -18,6 +18,7 @@ class AssetShape:
     asset_from_capture: NDArray[np.float64]  # (4, 4), column vectors
     variants: Mapping[str, Sequence[str]]  # names by variant set
     selections: Mapping[str, str]
+    drawn_m: NDArray[np.float64] | None = None  # (2, 3), as extent_m without guides
 
 
 def shape_of(plant: Plant, sets: Sequence[VariantSet]) -> AssetShape:
@@ -28,10 +29,17 @@ def shape_of(plant: Plant, sets: Sequence[VariantSet]) -> AssetShape:
         names.setdefault(entry.name, []).extend(entry.variants)
         selections[entry.name] = next(iter(entry.variants))
     boxes = plant.lods[selections["lod"]]
-    known = [box for box in (boxes.default, boxes.render, boxes.proxy, boxes.guide) if box is not None]
+    drawn = [box for box in (boxes.default, boxes.render, boxes.proxy) if box is not None]
+    known = [*drawn, *([boxes.guide] if boxes.guide is not None else [])]
     return AssetShape(
-        extent_m=box_around(known).astype(np.float32).astype(np.float64) if known else None,  # as USD stores it
+        extent_m=_around(known),
+        drawn_m=_around(drawn),
         asset_from_capture=plant.asset_from_capture,
         variants={name: tuple(order_variants(dict.fromkeys(members))) for name, members in names.items()},
         selections=selections,
     )
+
+
+def _around(boxes: Sequence[NDArray[np.float64]]) -> NDArray[np.float64] | None:
+    """The box around boxes, as USD stores it; None for none."""
+    return box_around(boxes).astype(np.float32).astype(np.float64) if boxes else None

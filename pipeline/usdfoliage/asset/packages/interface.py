@@ -7,6 +7,7 @@ from types import MappingProxyType
 from pxr import Sdf, Usd
 
 from usdfoliage.asset.layer import author_frames, export_layer, new_layer
+from usdfoliage.asset.packages.cards import author_cards
 from usdfoliage.asset.plant import Plant, author_lod_extents, author_plant
 from usdfoliage.asset.provenance import author_provenance
 from usdfoliage.asset.variants import VariantSet, author_variant_references, author_variant_sets
@@ -32,7 +33,9 @@ def write_interface_layer(
         author_frames(stage, frames)
     author_times(stage, times)
     root = Sdf.Path(f"/{name}")
-    author_plant(stage, root, plant)
+    prim = author_plant(stage, root, plant)
+    if plant.cards:
+        author_cards(prim, plant.cards)
     author_variant_sets(stage, root, variants)
     if plant.lods:
         author_lod_extents(stage.GetRootLayer(), root, plant.lods)

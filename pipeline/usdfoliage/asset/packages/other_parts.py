@@ -11,6 +11,7 @@ from usdfoliage.asset.locate import find_interface, find_plants, open_layer
 from usdfoliage.asset.look_layer import REPRESENTATION
 from usdfoliage.asset.own_files import may_hand_on
 from usdfoliage.asset.packages.assembly import Origin, begin_asset, write_asset
+from usdfoliage.asset.packages.cards import read_cards
 from usdfoliage.asset.packages.interface import PAYLOAD
 from usdfoliage.asset.packed_files import is_package
 from usdfoliage.asset.parts.bare_branches import BARE_LAYER
@@ -127,6 +128,7 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, spec: Sdf.PrimSpec) -> Oth
     )
     thumbnail = UsdMedia.AssetPreviewsAPI(plant).GetDefaultThumbnails()
     picture = interface.parent / thumbnail.defaultImage.path if thumbnail is not None else None
+    cards = read_cards(plant, interface.parent)
     return OtherParts(
         interface=interface,
         name=name,
@@ -144,6 +146,7 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, spec: Sdf.PrimSpec) -> Oth
         is_whole=True,
         lod=selected.get("lod", ""),
         thumbnail=picture if picture is not None and may_hand_on(picture, interface.parent) else None,
+        cards=cards if all(may_hand_on(card, interface.parent) for card in cards.values()) else {},
     )
 
 

@@ -4,7 +4,7 @@ The variant set lod chooses: leaves (leaves and branches), both (and the crown, 
 renderer that knows UsdLod chooses by itself. What a lod does not show, none of its layers is opened for.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,7 +20,8 @@ from usdfoliage.asset.packages.assembly import (
     merge_relationships,
     write_interface,
 )
-from usdfoliage.asset.packages.asset_shape import AssetShape, shape_of
+from usdfoliage.asset.packages.asset_shape import shape_of
+from usdfoliage.asset.packages.cards import AssetPictures, DrawPictures, copy_cards
 from usdfoliage.asset.packages.lods import (
     AUTO_LAYER,
     BOTH_LAYER,
@@ -43,8 +44,6 @@ from usdfoliage.crown.model import CrownModel
 
 THUMBNAILS = "thumbnails"  # folder of the asset
 MAX_SIZE = 0.25  # of the picture's area: a plant that covers more is shown with its leaves, however small they are
-
-DrawThumbnail = Callable[[Path, AssetShape], Path | None]  # called with the interface layer and what it holds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +77,7 @@ def write_plant_asset(
     crown: CrownModel | None = None,
     more: Sequence[PartWriter] = (),
     settings: PlantAssetSettings = PlantAssetSettings(),
-    thumbnail: Path | DrawThumbnail | None = None,
+    pictures: AssetPictures | DrawPictures | None = None,
 ) -> Path:
     """Write an asset of a whole plant, inside publish_folder as leaf_package.write_crown_asset.
 
@@ -94,7 +93,7 @@ def write_plant_asset(
         crown: In the plant's frame; takes the place of the one that branches may have.
         more: Parts of other kinds, each shown near, far or as a guide, as its Part states.
         settings: How it is written.
-        thumbnail: PNG picture of the plant, which is copied; or a function that draws it of the asset, or gives None
+        pictures: Pictures of the plant, which are copied; or a function that draws them of the asset, or gives None
             where it cannot. The function is called once, with the asset's shape beside its interface layer.
 
     Returns:
@@ -129,7 +128,7 @@ def write_plant_asset(
         parts.append(write_crown_part(place, crown, settings.crown_mesh_size))
     parts += [write(place) for write in more]
     origin = Origin(provenance=provenance, asset_from_capture=asset_from_capture, version=settings.version)
-    return _write_whole(place, parts, origin, settings, thumbnail)
+    return _write_whole(place, parts, origin, settings, pictures)
 
 
 def _write_whole(
@@ -137,7 +136,7 @@ def _write_whole(
     parts: Sequence[Part],
     origin: Origin,
     settings: PlantAssetSettings,
-    thumbnail: Path | DrawThumbnail | None,
+    pictures: AssetPictures | DrawPictures | None,
 ) -> Path:
     """Put the parts of a plant together, each in the lods that show it; returns the interface layer."""
     lods = _lods(parts)
@@ -173,14 +172,21 @@ def _write_whole(
         version=origin.version,
         lods=boxes,
         collections=merge_collections(parts, COLLECTIONS),
-        thumbnail="" if callable(thumbnail) else _copy_thumbnail(place, thumbnail),
     )
+    if isinstance(pictures, AssetPictures):
+        plant = _with_pictures(place, plant, pictures)
     interface = close_asset(place, parts, plant, sets, [f"./{MATERIAL_LAYER}"])
-    if callable(thumbnail):  # the interface alone is written again, once there is something to draw
-        picture = _copy_thumbnail(place, thumbnail(interface, shape_of(plant, sets)))
-        if picture:
-            interface = write_interface(place, parts, replace(plant, thumbnail=picture), sets)
+    if callable(pictures):  # the interface alone is written again, once there is something to draw
+        drawn = pictures(interface, shape_of(plant, sets))
+        if drawn is not None:
+            interface = write_interface(place, parts, _with_pictures(place, plant, drawn), sets)
     return interface
+
+
+def _with_pictures(place: AssetPlace, plant: Plant, pictures: AssetPictures) -> Plant:
+    """Copy pictures into the asset; returns the plant that names them."""
+    thumbnail, cards = _copy_thumbnail(place, pictures.thumbnail), copy_cards(place, pictures.cards)
+    return replace(plant, thumbnail=thumbnail, cards=cards)
 
 
 def _lods(parts: Sequence[Part]) -> list[str]:

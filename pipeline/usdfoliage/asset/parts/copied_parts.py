@@ -51,6 +51,7 @@ class OtherParts:
     is_whole: bool = False  # it is of a whole plant (usdfoliage.asset.packages.plant_package)
     lod: str = ""  # the one that is selected, of a whole plant
     thumbnail: Path | None = None
+    cards: Mapping[str, Path] = field(default_factory=dict)  # by side, as usdfoliage.asset.packages.cards
 
     @property
     def has_branches(self) -> bool:

@@ -13,6 +13,7 @@ from usdfoliage.asset.leaf_representations import check_memory, read_representat
 from usdfoliage.asset.locate import find_leaves, require_leaves, select_leafy_lod, select_representation
 from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.asset.own_files import own_folders
+from usdfoliage.asset.packages.cards import AssetPictures
 from usdfoliage.asset.packages.contents import (
     PlantFacts,
     count_changed_patches,
@@ -126,7 +127,7 @@ def bake_asset(request: BakeRequest, progress: StepProgress | None = None) -> Ba
                 branches=given.others,
                 foliage=foliage,
                 settings=PlantAssetSettings(version=given.settings.version),
-                thumbnail=given.others.thumbnail,
+                pictures=AssetPictures(thumbnail=given.others.thumbnail, cards=given.others.cards),
             )
         elif given.others is None:
             interface = write_leaf_asset(folder, given.name, leaves, provenance, *rest)

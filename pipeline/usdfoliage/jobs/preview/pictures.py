@@ -66,6 +66,7 @@ class PreviewSettings:
     purposes: tuple[str, ...] = ("default", "render")
     variants: tuple[tuple[str, str], ...] = ()  # (variant set, variant), selected on every prim that has the set
     muted: tuple[Path, ...] = ()  # layers that are left out
+    even_light: bool = False  # the same from everywhere, for pictures that are lit where they are used
     frame: float | None = None  # time code; None: the stage's first
     stall_timeout_s: float = 300.0  # without a frame for so long, Storm is taken to hang
 
@@ -317,7 +318,7 @@ def _build_request(
     usd_file: Path, views: Sequence[PreviewView], settings: PreviewSettings, work: Path
 ) -> dict[str, Any]:
     dome = work / "dome.exr"
-    write_dome(dome)
+    write_dome(dome, even=settings.even_light)
     requested: list[dict[str, Any]] = []
     for number, view in enumerate(views):
         width_px, height_px = _drawn_px(view, settings)
@@ -348,6 +349,7 @@ def _build_request(
         "variants": dict(settings.variants),
         "muted": [str(layer.resolve()) for layer in settings.muted],
         "dome_texture": str(dome),
+        **({"light": "even"} if settings.even_light else {}),
         "views": requested,
     }
 
@@ -375,8 +377,8 @@ def _resize(picture: NDArray[np.float32], size_px: tuple[int, int]) -> NDArray[n
     return np.asarray(cv2.resize(picture, size_px, interpolation=cv2.INTER_AREA), np.float32)
 
 
-def write_dome(path: Path) -> None:
-    """A soft overcast sky over dim ground, as a latitude-longitude picture."""
+def write_dome(path: Path, *, even: bool = False) -> None:
+    """A soft overcast sky over dim ground, or the same light from everywhere, as a latitude-longitude picture."""
     import OpenEXR
 
     # Storm filters it in time that grows with the fourth power of its size: without a GPU, 5 s for 64 rows; nothing in
@@ -387,6 +389,8 @@ def write_dome(path: Path) -> None:
     radiance = np.where(height > 0, (1 + 2 * height) / 3, 0.25 * 7 / 9)
     blend = np.clip(height / 0.1 * 0.5 + 0.5, 0, 1)  # a soft horizon, without ringing in the prefiltered light
     radiance = np.where(np.abs(height) < 0.1, 0.25 * 7 / 9 * (1 - blend) + 0.4 * blend, radiance)
+    if even:
+        radiance = np.ones(rows)
     picture = np.repeat(np.repeat(radiance[:, None, None], columns, axis=1), 3, axis=2).astype(np.float32)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, {"RGB": picture}).write(str(path))

@@ -45,6 +45,8 @@ class PictureSettings:
     thumbnail_px: int = 512  # The thumbnail is this wide and high. Unit: pixels. Range: 16 to 8192.
     comparisons: int = 6  # The asset is compared with at most this many photographs. Range: 0 or more.
     comparison_px: int = 1100  # The longer side of a comparison has this size. Unit: pixels. Range: 16 to 8192.
+    cards: bool = True  # true draws six pictures of the asset for applications that draw it as cards.
+    card_px: int = 512  # The longer side of a card has this size. Unit: pixels. Range: 16 to 8192.
     variant_px: int = 420  # The picture of each variant is this wide and high. Unit: pixels. Range: 16 to 8192.
     samples: int = 2  # Each pixel is drawn with this many samples. Range: 1 to 64.
     complexity: str = "medium"  # Storm divides curved surfaces this finely: low, medium, high or veryhigh.
@@ -58,6 +60,7 @@ class PictureSettings:
         self.preview(self.thumbnail_px)
         self.preview(self.comparison_px)
         self.preview(self.variant_px)
+        self.preview(self.card_px)
 
     def preview(self, side_px: int) -> PreviewSettings:
         """How a square picture is drawn; ValueError for what cannot be."""

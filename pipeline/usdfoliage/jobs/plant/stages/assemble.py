@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from usdfoliage import __version__
 from usdfoliage.asset.packages.asset_shape import AssetShape
+from usdfoliage.asset.packages.cards import AssetPictures
 from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
 from usdfoliage.asset.provenance import Provenance, combined_sha256, package_versions
 from usdfoliage.branch.model_file import TracedPlant
@@ -19,6 +20,7 @@ from usdfoliage.files.npz import write_arrays
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
 from usdfoliage.jobs.plant.call import StageCall
+from usdfoliage.jobs.plant.pages.cards import draw_cards
 from usdfoliage.jobs.plant.pages.pictures import draw_thumbnail
 from usdfoliage.jobs.plant.settings import STAGE_SETTINGS
 from usdfoliage.jobs.plant.stages.foliage import ChosenFoliage, choose_foliage, leaf_cover, near_leaves
@@ -114,12 +116,16 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     written: list[AssetShape] = []
     with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:
 
-        def draw(interface: Path, shape: AssetShape) -> Path | None:
+        def draw(interface: Path, shape: AssetShape) -> AssetPictures | None:
             written.append(shape)
             if not call.settings.pictures.make:
                 return None
             try:
-                return draw_thumbnail(interface, shape, Path(work), call.settings.pictures)
+                pictures = call.settings.pictures
+                return AssetPictures(
+                    thumbnail=draw_thumbnail(interface, shape, Path(work), pictures),
+                    cards=draw_cards(interface, shape, Path(work), pictures) if pictures.cards else {},
+                )
             except PreviewError as error:
                 text = f"the asset has no thumbnail: {error.text}"
                 undrawn.append(remark("thumbnail-missing", text, remedy=error.remedy))
@@ -140,7 +146,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
                 version=call.settings.plant.version,
                 lod="crown" if few or little or wrong else None,
             ),
-            thumbnail=draw,
+            pictures=draw,
         )
     remarks += undrawn
     facts = AssetFacts(

@@ -1,0 +1,90 @@
+"""The cards of a plant: pictures along the axes of its box, in even light, as UsdGeomModelAPI wants them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.asset.packages.asset_shape import AssetShape
+from usdfoliage.asset.packages.contents import interface_of
+from usdfoliage.files.atomic import write_whole_files
+from usdfoliage.jobs.plant.pages.pictures import PictureSettings
+from usdfoliage.jobs.preview.pictures import MIN_SIDE_PX, PreviewView, draw_views, encode_png, finish_picture
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Side:
+    """How a picture of one side is taken, and how it lies on its card."""
+
+    direction: str
+    across: int  # axis that runs to the right of the picture, and whether it does so
+    across_sign: int
+    up: int  # likewise upwards
+    up_sign: int
+    quarter_turns: int  # counter-clockwise, from the picture with Y up to the one that USD takes, with Z up
+
+
+SIDES: Mapping[str, _Side] = MappingProxyType(
+    {
+        "XPos": _Side(direction="right", across=2, across_sign=-1, up=1, up_sign=1, quarter_turns=3),
+        "XNeg": _Side(direction="left", across=2, across_sign=1, up=1, up_sign=1, quarter_turns=1),
+        "YPos": _Side(direction="top", across=0, across_sign=1, up=2, up_sign=-1, quarter_turns=2),
+        "YNeg": _Side(direction="bottom", across=0, across_sign=1, up=2, up_sign=1, quarter_turns=0),
+        "ZPos": _Side(direction="front", across=0, across_sign=1, up=1, up_sign=1, quarter_turns=0),
+        "ZNeg": _Side(direction="back", across=0, across_sign=-1, up=1, up_sign=1, quarter_turns=2),
+    }
+)
+
+
+def draw_cards(
+    asset: Path, shape: AssetShape, folder: Path, settings: PictureSettings = PictureSettings()
+) -> dict[str, Path]:
+    """Draw card_XPos.png … into folder; none where nothing of the asset is drawn.
+
+    Raises:
+        PreviewError: As draw_views.
+        AssetError: It is no asset.
+    """
+    if shape.drawn_m is None:
+        return {}
+    interface, _ = interface_of(asset)
+    views = [view_side(side, shape.drawn_m, settings.card_px) for side in SIDES.values()]
+    preview = replace(settings.preview(settings.card_px), background=None, even_light=True)
+    pictures = draw_views(interface, views, preview)
+    paths = {name: folder / f"card_{name}.png" for name in SIDES}
+    finished = [
+        np.rot90(_fill_ground(finish_picture(picture, None)), side.quarter_turns)
+        for side, picture in zip(SIDES.values(), pictures, strict=True)
+    ]
+    encoded = [encode_png(np.ascontiguousarray(picture)) for picture in finished]
+    write_whole_files(list(zip(paths.values(), encoded, strict=True)))
+    return paths
+
+
+def view_side(side: _Side, box_m: NDArray[np.float64], longest_px: int) -> PreviewView:
+    """What sees a box (2, 3) along an axis, to its borders."""
+    left, right = sorted(side.across_sign * box_m[:, side.across])
+    bottom, top = sorted(side.up_sign * box_m[:, side.up])
+    scale = longest_px / max(right - left, top - bottom, 1e-9)
+    size_px = tuple(max(MIN_SIDE_PX, round(scale * length)) for length in (right - left, top - bottom))
+    slack = 1e-6 * max(right - left, top - bottom, 1e-3)  # a flat plant has a box of no depth
+    window = (float(left - slack), float(right + slack), float(bottom - slack), float(top + slack))
+    return PreviewView(
+        output=Path("card.png"),
+        direction=side.direction,
+        orthographic=True,
+        window=window,
+        size_px=(size_px[0], size_px[1]),
+    )
+
+
+def _fill_ground(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Give what is transparent the mean colour of the rest: filters of textures mix the two."""
+    seen = picture[..., 3] > 0
+    filled = picture.copy()
+    if seen.any():
+        filled[~seen, :3] = np.rint(picture[seen, :3].mean(axis=0))
+    return filled

@@ -1,0 +1,102 @@
+"""Cards lie as applications draw them, show the plant from all six sides, and have its own colours."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom
+from usdfoliage.asset.packages.asset_shape import AssetShape
+from usdfoliage.asset.packages.cards import CARD_SIDES, AssetPictures, read_cards
+from usdfoliage.asset.packages.plant_package import write_plant_asset
+from usdfoliage.jobs.plant.pages.cards import SIDES, draw_cards, view_side
+from usdfoliage.jobs.plant.pages.pictures import PictureSettings
+from usdfoliage.jobs.preview.pictures import PreviewSettings, draw_views
+
+from tests.support.plant_assets import RUN, some_leaves
+
+SETTINGS = PictureSettings(card_px=128, samples=4)
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory):
+    """An asset with cards, and its shape."""
+    work, shapes = tmp_path_factory.mktemp("cards"), []
+
+    def draw(interface: Path, shape: AssetShape) -> AssetPictures:
+        shapes.append(shape)
+        return AssetPictures(cards=draw_cards(interface, shape, work, SETTINGS))
+
+    (work / "oak").mkdir()
+    foliage = some_leaves(6, "bezier")
+    large = replace(foliage, leaves=replace(foliage.leaves, length_m=np.full(6, 2.5)))
+    interface = write_plant_asset(
+        work / "oak", "oak", provenance=RUN, asset_from_capture=np.eye(4), foliage=large, pictures=draw
+    )
+    return interface, shapes[0]
+
+
+@pytest.mark.preview
+def test_cards_are_drawn_where_the_plant_is(plant, tmp_path):
+    interface, shape = plant
+    views = [view_side(side, shape.drawn_m, 128) for side in SIDES.values()]
+    whole = draw_views(interface, views, PreviewSettings(samples=4))
+    stage = Usd.Stage.Open(str(interface))
+    assert UsdGeom.ModelAPI(stage.GetDefaultPrim()).GetModelDrawModeAttr().Get() == "default"
+    over = Usd.Stage.CreateNew(str(tmp_path / "cards.usda"))
+    over.GetRootLayer().subLayerPaths.append(str(interface))
+    prim = over.OverridePrim(stage.GetDefaultPrim().GetPath())
+    over.SetDefaultPrim(prim)
+    UsdGeom.ModelAPI(prim).CreateModelDrawModeAttr("cards")
+    over.Save()
+    drawn = draw_views(tmp_path / "cards.usda", views, PreviewSettings(samples=4))
+    for name, real, card in zip(SIDES, whole, drawn, strict=True):
+        own, other = real[..., 3] > 0.5, card[..., 3] > 0.5
+        mirrored = other[:, ::-1], other[::-1], other[::-1, ::-1]
+        assert iou(own, other) > max(0.6, *(iou(own, wrong) for wrong in mirrored)), name
+
+
+@pytest.mark.preview
+def test_cards_have_the_colours_of_the_plant_without_light(plant):
+    interface, _ = plant
+    card = cv2.imread(str(interface.parent / "cards" / "oak_ZPos.png"), cv2.IMREAD_UNCHANGED)
+    solid = card[card[..., 3] == 255]
+    green = solid[(solid[:, 1] > solid[:, 2]) & (solid[:, 1] > solid[:, 0])]
+    assert len(green) > 20
+    assert len(np.unique(card[card[..., 3] == 0][:, :3], axis=0)) == 1  # no dark border
+
+
+@pytest.mark.preview
+def test_cards_are_read_where_all_are_there(plant, tmp_path):
+    interface, _ = plant
+    assert set(read_cards(Usd.Stage.Open(str(interface)).GetDefaultPrim(), interface.parent)) == set(CARD_SIDES)
+    (interface.parent / "cards" / "oak_XPos.png").rename(tmp_path / "away.png")
+    try:
+        assert read_cards(Usd.Stage.Open(str(interface)).GetDefaultPrim(), interface.parent) == {}
+    finally:
+        (tmp_path / "away.png").rename(interface.parent / "cards" / "oak_XPos.png")
+
+
+def test_a_view_has_the_sides_of_the_box():
+    box_m = np.array([[-1.0, 0.0, 2.0], [3.0, 8.0, 4.0]])
+    view = view_side(SIDES["XPos"], box_m, 80)
+    assert view.size_px == (20, 80)
+    np.testing.assert_allclose(view.window, (-4, -2, 0, 8), atol=1e-4)
+    assert view_side(SIDES["ZNeg"], box_m, 80).window[0] == pytest.approx(-3, abs=1e-4)
+    flat = np.array([[0.0, 0, 0], [1, 0, 1]])
+    assert min(view_side(SIDES["ZPos"], flat, 80).size_px) == 16
+
+
+def test_cards_are_all_six_or_none():
+    with pytest.raises(ValueError, match="cards must be"):
+        AssetPictures(cards={"XPos": Path("x.png")})
+
+
+def test_a_plant_of_which_nothing_is_drawn_has_no_cards(tmp_path):
+    shape = AssetShape(extent_m=None, asset_from_capture=np.eye(4), variants={}, selections={})
+    assert draw_cards(tmp_path, replace(shape, drawn_m=None), tmp_path) == {}
+
+
+def iou(first, second):
+    return (first & second).sum() / max((first | second).sum(), 1)
