@@ -1146,7 +1146,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
                     "Each leaf has the shape of one of a few. The remark has how far these are from the leaves' own "
                     "shapes."
                 ),
-                action="Allow more shapes if leaves near the camera look alike.",
+                action="Allow more shapes if leaves near the camera show it.",
             ),
             "colors-averaged": RemarkKind(
                 severity="info",

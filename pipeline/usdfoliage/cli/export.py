@@ -1,4 +1,4 @@
-"""Write an asset as files for another application: a plain USD file, a usdz for AR, a Nanite assembly for Unreal.
+"""Write an asset for other applications: a plain USD file, a usdz, an Unreal assembly.
 
 The edits of ASSET, and those of a look, are in the export. It needs no plug-in and no shader of usdfoliage, names no
 file outside itself, and appears only when it keeps the rules of its profile.
@@ -86,10 +86,12 @@ def run(options: argparse.Namespace) -> int:
     with StepBar() as bar:
         made = export_asset(request, bar.show)
     if options.json:
-        print(format_made(asset=made.asset, report=None, facts=(), remarks=made.remarks, profile=request.profile))
+        print(
+            format_made(asset=made.asset, report=None, facts=made.facts, remarks=made.remarks, profile=request.profile)
+        )
         return 0
     print_remarks(made.remarks, "export")
-    for line in made.lines:
-        print(line)
+    for fact in made.facts:
+        print(f"{fact.name}: {fact.value}")
     print(f"export: {made.asset}")
     return 0

@@ -1,4 +1,4 @@
-"""The rules of usdz for augmented reality, as `usdchecker --arkit` of OpenUSD before 26.8 has them.
+"""The rules of usdz for augmented reality, as `usdchecker` of OpenUSD before 26.8 has them for ARKit.
 
 Later versions of USD have no such check. docs/export.md lists the rules.
 
@@ -9,9 +9,10 @@ Source:
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
-from pxr import Sdf, Usd, UsdGeom, UsdShade
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from usdfoliage.asset.export.plain_rules import check_plain, finding
+from usdfoliage.asset.locate import first_reason
 from usdfoliage.asset.validation.findings import Finding
 
 PRIM_TYPES = frozenset(
@@ -30,15 +31,19 @@ def check_arkit(package: Path) -> list[Finding]:
     zipped = Sdf.ZipFile.Open(str(package))
     if zipped is None:
         return [finding("arkit", "Package", "/", "is no usdz package")]
-    findings = list(_check_package(zipped))
-    stage = Usd.Stage.Open(str(package))
+    findings = list(check_package(zipped))
+    try:
+        stage = Usd.Stage.Open(str(package))
+    except Tf.ErrorException as error:
+        return [*findings, finding("arkit", "Package", "/", f"cannot be read: {first_reason(error)}")]
     findings += check_plain(stage, instances=False)
     if UsdGeom.GetStageUpAxis(stage) != UsdGeom.Tokens.y:
         findings.append(finding("arkit", "UpAxis", "/", f"has {UsdGeom.GetStageUpAxis(stage)} up, Y is needed"))
     return findings + [each for prim in stage.TraverseAll() for each in _check_prim(prim)]
 
 
-def _check_package(zipped: Sdf.ZipFile) -> Iterator[Finding]:
+def check_package(zipped: Sdf.ZipFile) -> Iterator[Finding]:
+    """What the package breaks of the rules, whatever is in its files."""
     names = zipped.GetFileNames()
     layers = [name for name in names if PurePosixPath(name).suffix in (".usd", ".usda", ".usdc", ".usdz")]
     if not names or PurePosixPath(names[0]).suffix != ".usdc":
@@ -65,8 +70,13 @@ def _check_prim(prim: Usd.Prim) -> Iterator[Finding]:
         if not identifier.startswith(SHADERS):
             yield finding("arkit", "Shaders", path, f"is a {identifier or 'shader without id'}")
         for entry in shader.GetInputs():
-            if len(entry.GetAttr().GetConnections()) > 1:
+            connections = entry.GetAttr().GetConnections()
+            if len(connections) > 1:
                 yield finding("arkit", "Connections", entry.GetAttr().GetPath(), "is connected more than once")
+            elif connections and not UsdShade.ConnectableAPI(
+                prim.GetStage().GetPrimAtPath(connections[0].GetPrimPath())
+            ):
+                yield finding("arkit", "Connections", entry.GetAttr().GetPath(), "is connected to no shader")
     if not prim.IsA(UsdGeom.Gprim):
         return
     bound, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()

@@ -66,7 +66,12 @@ def _drop_guides(stage: Usd.Stage, root: Sdf.Path, keep_skeleton: bool) -> None:
 
 
 def _drop_purposes(stage: Usd.Stage, keep: Sdf.Path) -> None:
-    """One form is left, which a purpose could only hide."""
+    """One form is left, which a purpose could only hide: of a render form and its proxy the former."""
+    tokens = UsdGeom.Tokens
+    purposes = {prim.GetPath(): UsdGeom.Imageable(prim).GetPurposeAttr().Get() for prim in stage.Traverse()}
+    if tokens.render in purposes.values():
+        for path in [path for path, purpose in purposes.items() if purpose == tokens.proxy]:
+            stage.RemovePrim(path)
     for prim in stage.Traverse():
         if prim.GetPath() != keep:
             prim.RemoveProperty(UsdGeom.Tokens.purpose)

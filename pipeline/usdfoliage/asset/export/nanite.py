@@ -162,11 +162,16 @@ def _bind_leaves(instancer: UsdGeom.PointInstancer, rigged: AssemblyRig) -> None
     prim = instancer.GetPrim()
     layer = prim.GetStage().GetRootLayer()
     set_applied(layer.GetPrimAtPath(prim.GetPath()), [*listed_schemas(prim), BINDING_API])
-    primvars = UsdGeom.PrimvarsAPI(prim)
-    joints = primvars.CreatePrimvar(BIND_JOINTS, Sdf.ValueTypeNames.TokenArray, UsdGeom.Tokens.vertex, each)
-    joints.Set(Vt.TokenArray(paths[skin.joints.ravel()].tolist()))
-    weights = primvars.CreatePrimvar(BIND_WEIGHTS, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex, each)
-    weights.Set(Vt.FloatArray.FromNumpy(np.ascontiguousarray(skin.weights, np.float32).ravel()))
+    # Their interpolation stays the default of the schema: renderers would take others for values of instances.
+    tokens = Vt.TokenArray(paths[skin.joints.ravel()].tolist())
+    shares = Vt.FloatArray.FromNumpy(np.ascontiguousarray(skin.weights, np.float32).ravel())
+    for name, value_type, values in (
+        (BIND_JOINTS, Sdf.ValueTypeNames.TokenArray, tokens),
+        (BIND_WEIGHTS, Sdf.ValueTypeNames.FloatArray, shares),
+    ):
+        attribute = prim.CreateAttribute(f"primvars:{name}", value_type, False, Sdf.VariabilityUniform)
+        attribute.Set(values)
+        UsdGeom.Primvar(attribute).SetElementSize(each)
 
 
 def _below_root(skin: Skin) -> Skin:

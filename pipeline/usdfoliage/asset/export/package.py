@@ -17,6 +17,7 @@ from usdfoliage.files.unwritten import describe_failed
 from usdfoliage.remarks import Argument
 
 _ORIGIN = "origin"
+_TIME = 946_728_000  # 1 January 2000, noon: in no time zone another year
 
 
 def record_origin(layer: Sdf.Layer, origin: AssetOrigin) -> None:
@@ -38,6 +39,7 @@ def pack_usdz(layer: Path, package: Path) -> None:
     writer = Sdf.ZipFileWriter.CreateNew(str(package))
     try:
         for path in files:
+            os.utime(path, (_TIME, _TIME))  # which the package has of each file: the same files, the same bytes
             if not writer.AddFile(str(path), path.relative_to(folder).as_posix()):
                 raise describe_failed(package, f"{path.name} cannot be packed")
         if not writer.Save():

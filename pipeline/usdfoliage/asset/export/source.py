@@ -13,6 +13,7 @@ from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
 from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.asset.packages.contents import interface_of, list_files, require_plant
 from usdfoliage.asset.packed_files import is_package
+from usdfoliage.asset.plant import TO_LEAVES
 from usdfoliage.asset.schema import PLANT_API
 from usdfoliage.errors import AssetError
 
@@ -26,6 +27,7 @@ class ExportSource:
     interface: Path
     look: Path | None  # that is put into the export
     lods: tuple[str, ...]  # variants of the set lod; empty where the asset has no such set
+    has_leaves: bool
 
 
 def check_exportable(asset: Path, version: str) -> ExportSource:
@@ -57,7 +59,12 @@ def check_exportable(asset: Path, version: str) -> ExportSource:
     plant = require_plant(stage, asset)
     names = plant.GetVariantSets().GetNames()
     lods = tuple(plant.GetVariantSet("lod").GetVariantNames()) if "lod" in names else ()
-    return ExportSource(interface=interface, look=None if look is None else look.path, lods=lods)
+    return ExportSource(
+        interface=interface,
+        look=None if look is None else look.path,
+        lods=lods,
+        has_leaves=bool(plant.GetRelationship(TO_LEAVES).GetTargets()),
+    )
 
 
 def check_output_place(output: Path, interface: Path) -> None:

@@ -10,7 +10,8 @@ from usdfoliage.asset.look_layer import LEAFY_LODS
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.errors import AssetError, FoliageError
 
-STANDALONE, USDZ, UNREAL = PROFILES = ("standalone", "usdz", "unreal")
+PROFILES = ("standalone", "usdz", "unreal")
+STANDALONE, USDZ, UNREAL = PROFILES
 LODS = ("leaves", "crown")
 LEAF_FORMS = ("mesh", "instances")
 MAX_SHAPES = 4096
@@ -67,6 +68,10 @@ class ExportPlan:
     file: str  # the USD file, from the output
     origin: AssetOrigin
 
+    @property
+    def has_leaves(self) -> bool:
+        return self.source.has_leaves and self.lod != "crown"
+
 
 def plan_output(request: ExportRequest, version: str) -> ExportPlan:
     """Check a request against the asset.
@@ -79,9 +84,9 @@ def plan_output(request: ExportRequest, version: str) -> ExportPlan:
     _check_output_name(request)
     name = asset_name(request.name or (request.output.stem if request.is_package else request.output.resolve().name))
     lod = _choose_lod(request, source)
-    if lod == "crown" and request.profile == UNREAL:
+    if request.profile == UNREAL and not (source.has_leaves and lod != "crown"):
         raise AssetError(
-            f"{request.asset} is a crown without leaves, of which Unreal makes no assembly",
+            f"{request.asset} is exported without leaves, which are the parts of an assembly of Unreal",
             "export it with the profile standalone",
         )
     return ExportPlan(

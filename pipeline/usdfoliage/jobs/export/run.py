@@ -38,6 +38,7 @@ from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.jobs.edits.bake import BakeRequest, bake_asset, read_bake_input
 from usdfoliage.jobs.export.joints import rig_assembly
 from usdfoliage.jobs.export.request import STANDALONE, UNREAL, USDZ, ExportPlan, ExportRequest, plan_output
+from usdfoliage.jobs.report.table import Row
 from usdfoliage.leaf.shape.groups import group_leaves
 from usdfoliage.leaf.shape.mesh import LeafMeshSettings
 from usdfoliage.progress import StepProgress
@@ -53,7 +54,7 @@ class ExportedAsset:
     """What was written, and what the user should know of it."""
 
     asset: Path
-    lines: tuple[str, ...]
+    facts: tuple[Row, ...]
     remarks: tuple[Remark, ...]
 
 
@@ -65,25 +66,25 @@ def export_asset(request: ExportRequest, progress: StepProgress | None = None) -
     """
     plan = plan_output(request, __version__)
     with _publish(request, plan) as folder, temporary_folder("export", AssetError) as scratch:
-        shown, remarks = _bake(request, plan, scratch, progress)
+        interface, remarks = _bake(request, plan, scratch, progress)
         if progress:
             progress("write", 0.6)
-        stage = open_asset(shown)
+        stage = open_asset(interface)
         plant = require_plant(stage, request.asset)
         select_variants(plant, plan.lod, "bezier" if request.repeats_leaves else "mesh")
-        leaves = _read_leaves(request, plant, shown) if request.repeats_leaves else None
+        leaves = _read_leaves(request, plant, interface) if request.repeats_leaves else None
         flat = flatten_plant(plant, plan.name, keep_skeleton=request.profile == STANDALONE)
         remarks += _shape_plant(request, flat, plant, leaves, folder)
         remarks += _shade_plant(request, flat)
         gather_files(
             flat,
-            shown.resolve().parent,
+            interface.resolve().parent,
             folder,
             for_ar=request.is_package,
             only_shading=request.profile != STANDALONE,
         )
         finish_root(flat.GetDefaultPrim(), f"{plan.name}.usdc", KIND if request.profile == UNREAL else COMPONENT)
-        _record(request, plan, flat.GetRootLayer(), read_plant_facts(plant, shown).provenance)
+        _record(request, plan, flat.GetRootLayer(), read_plant_facts(plant, interface).provenance)
         layer = folder / f"{plan.name}.usdc"
         save_layer(flat.GetRootLayer(), layer)
         if request.is_package:
@@ -91,16 +92,16 @@ def export_asset(request: ExportRequest, progress: StepProgress | None = None) -
         if progress:
             progress("check", 0.9)
         _require_rules(request, folder / plan.file)
-        lines = _count(flat)
+        facts = _count(flat)
     asset = request.output if request.is_package else request.output / plan.file
-    return ExportedAsset(asset=asset, lines=(f"profile: {request.profile}", *lines), remarks=tuple(remarks))
+    return ExportedAsset(asset=asset, facts=tuple(facts), remarks=tuple(remarks))
 
 
 def plan_export(request: ExportRequest, render: RenderSetting = as_plan_setting) -> str:
     """What export_asset would do, in lines, after reading the asset; writes nothing. render: of settings in remarks."""
     plan = plan_output(request, __version__)
     lines, remarks = [f"profile: {request.profile}"], list[Remark]()
-    if plan.lod != "crown":
+    if plan.has_leaves:
         given = read_bake_input(_bake_request(request, request.output / plan.name, plan.name))
         remarks = [each for each in given.remarks if each.code not in _OF_BAKES]
         lines.append(f"leaves: {len(given.leaves):,}")
@@ -124,7 +125,7 @@ def _bake(
     request: ExportRequest, plan: ExportPlan, scratch: Path, progress: StepProgress | None
 ) -> tuple[Path, list[Remark]]:
     """The interface of an asset that has the edits of leaves in it, the given one where there are no leaves."""
-    if plan.lod == "crown":
+    if not plan.has_leaves:
         return plan.source.interface, []
     in_bake = None if progress is None else partial(_report_bake, progress)
     baked = bake_asset(_bake_request(request, scratch / plan.name, plan.name), in_bake)
@@ -253,16 +254,16 @@ def check_export(path: Path, profile: str, *, instances: bool = False) -> list[F
     return check_unreal(stage) if profile == UNREAL else check_plain(stage, instances=instances)
 
 
-def _count(flat: Usd.Stage) -> list[str]:
-    """What an export holds, in lines."""
+def _count(flat: Usd.Stage) -> list[Row]:
+    """What an export holds."""
     meshes = [UsdGeom.Mesh(prim) for prim in flat.Traverse() if prim.IsA(UsdGeom.Mesh)]
     triangles = sum(int((np.array(mesh.GetFaceVertexCountsAttr().Get()) - 2).sum()) for mesh in meshes)
-    lines = [f"meshes: {len(meshes)}, {triangles:,} triangles"]
+    rows = [Row(name="meshes", value=f"{len(meshes):,}"), Row(name="triangles", value=f"{triangles:,}")]
     for prim in flat.Traverse():
         instancer, skeleton = UsdGeom.PointInstancer(prim), UsdSkel.Skeleton(prim)
         if instancer:
-            shapes = len(instancer.GetPrototypesRel().GetTargets())
-            lines.append(f"parts: {len(instancer.GetProtoIndicesAttr().Get() or ()):,} leaves of {shapes} shapes")
+            count, shapes = len(instancer.GetProtoIndicesAttr().Get() or ()), instancer.GetPrototypesRel().GetTargets()
+            rows += [Row(name="instances", value=f"{count:,}"), Row(name="shapes", value=f"{len(shapes):,}")]
         elif skeleton and len(skeleton.GetJointsAttr().Get() or ()) > 1:
-            lines.append(f"joints: {len(skeleton.GetJointsAttr().Get())}")
-    return lines
+            rows.append(Row(name="joints", value=f"{len(skeleton.GetJointsAttr().Get()):,}"))
+    return rows
