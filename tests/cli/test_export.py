@@ -10,12 +10,18 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 from usdfoliage.asset.parts.leaves import edited_leaves
+from usdfoliage.branch.motion.rig import RigSettings
+from usdfoliage.branch.motion.sway import SwaySettings
+from usdfoliage.jobs.branches.motion import BranchMotion
+from usdfoliage.leaf.shape.jitter import Jitter
 from usdfoliage.leaf.shape.mesh import LeafMeshSettings, build_leaf_mesh
 
+from tests.support.branch_motions import leaves_on, write_moving
+from tests.support.branch_shapes import fork
 from tests.support.leaves.commands import files, printed, read, refused, run
 from tests.support.plant_assets import write_whole_plant
 
-EDITS = ("--width", 1.5, "--curl", 0.02, 0.05, 0.1)
+EDITS = ("--width", 1.5, "--curl", 0.02, 0.05, 0.1, "--jitter", 0.02, 6)
 # Without the schemas: a process that has never heard of us.
 PLAIN = """
 import sys
@@ -71,7 +77,9 @@ def test_an_export_opens_without_us_and_without_a_warning(studio, tmp_path, capf
 
 def test_the_edits_of_a_look_are_in_the_points(studio, tmp_path):
     look = read(studio / "look.usda")
-    expected = build_leaf_mesh(edited_leaves(look.leaves, look.edits), LeafMeshSettings())
+    jitter = Jitter(amplitude=look.edits.jitter_amplitude, frequency=look.edits.jitter_frequency)
+    assert jitter.amplitude == pytest.approx(0.02)
+    expected = build_leaf_mesh(edited_leaves(look.leaves, look.edits), LeafMeshSettings(), jitter)
     for profile, out in (("standalone", "new"), ("usdz", "new.usdz")):
         assert run("export", studio / "look.usda", "--profile", profile, "-o", tmp_path / out) == 0
         file = tmp_path / out if profile == "usdz" else tmp_path / out / "new.usdc"
@@ -159,6 +167,25 @@ def test_branches_alone_are_exported_without_a_bake(tmp_path, capsys):
         assert "meshes: 1" in printed(capsys, *words)
     line = refused(capsys, "export", tmp_path / "bare", "--profile", "unreal", "-o", tmp_path / "ue")
     assert "is exported without leaves" in line
+
+
+def test_what_moves_is_exported_at_rest(tmp_path):
+    motion = BranchMotion(rig=RigSettings(), sway=SwaySettings(frames=4), growth_frames=4)
+    write_moving(tmp_path / "ash", "ash", fork(), motion, leaves_on(fork(), "bezier", "mesh"))
+    resting = Usd.Stage.Open(str(tmp_path / "ash" / "ash.usda"))
+    resting.GetDefaultPrim().GetVariantSets().SetSelection("rig", "none")
+    resting.GetDefaultPrim().GetVariantSets().SetSelection("growth", "still")
+    resting.GetDefaultPrim().GetVariantSets().SetSelection("representation", "mesh")
+    leaves = np.array(resting.GetAttributeAtPath("/ash/geo/render/Leaves.points").Get())
+    for profile, out in (("standalone", "new"), ("usdz", "new.usdz"), ("unreal", "ue")):
+        assert run("export", tmp_path / "ash", "--profile", profile, "-o", tmp_path / out) == 0
+        stage = opened(tmp_path / out if profile == "usdz" else tmp_path / out / f"{out}.usdc")
+        assert not [
+            entry for prim in stage.Traverse() for entry in prim.GetAttributes() if entry.GetNumTimeSamples() > 1
+        ]
+        if profile != "unreal":
+            points = np.array(stage.GetAttributeAtPath("/new/geo/render/Leaves.points").Get())
+            np.testing.assert_allclose(points, leaves, atol=1e-6)
 
 
 def test_wind_beside_an_assembly_names_its_joints(studio, tmp_path):
