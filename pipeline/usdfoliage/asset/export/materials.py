@@ -6,15 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 
-UNIVERSAL, MATERIALX = "", "mtlx"  # render contexts
 
+def keep_networks(stage: Usd.Stage, with_materialx: Collection[Sdf.Path] = ()) -> None:
+    """Leave of every material its UsdPreviewSurface, and the nodes that it reaches.
 
-def keep_networks(stage: Usd.Stage, contexts: Collection[str]) -> None:
-    """Leave of every material the surfaces for these render contexts, and the nodes that they reach."""
+    Args:
+        stage: Flat; it is changed.
+        with_materialx: Materials that keep MaterialX too.
+    """
     _drop_unbound(stage)
-    kept = {":".join(filter(None, (context, "surface"))) for context in contexts}
     for prim in [prim for prim in stage.Traverse() if prim.IsA(UsdShade.Material)]:
         material = UsdShade.Material(prim)
+        kept = {"surface", "mtlx:surface"} if prim.GetPath() in with_materialx else {"surface"}
         for output in material.GetOutputs():
             if output.GetBaseName() not in kept:
                 prim.RemoveProperty(output.GetFullName())

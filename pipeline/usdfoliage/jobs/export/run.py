@@ -13,7 +13,7 @@ from usdfoliage import __version__
 from usdfoliage.asset.export.arkit_rules import check_arkit
 from usdfoliage.asset.export.files import gather_files
 from usdfoliage.asset.export.flat import finish_root, flatten_plant, select_variants
-from usdfoliage.asset.export.materials import MATERIALX, UNIVERSAL, keep_networks, settle_colors
+from usdfoliage.asset.export.materials import keep_networks, settle_colors
 from usdfoliage.asset.export.nanite import KIND, AssemblyRig, author_assembly, wind_data
 from usdfoliage.asset.export.package import pack_usdz, plan_package, publish_package, record_origin
 from usdfoliage.asset.export.plain_rules import check_plain
@@ -206,11 +206,14 @@ def _find_joints(flat: Usd.Stage, plant: Usd.Prim, leaves: RepeatedLeaves | None
 
 def _shade_plant(request: ExportRequest, flat: Usd.Stage) -> list[Remark]:
     """Leave the materials that the profile's applications know."""
-    keep_networks(flat, (UNIVERSAL, MATERIALX) if request.profile == STANDALONE else (UNIVERSAL,))
     if request.profile == STANDALONE:
+        # Leaves shine through in MaterialX alone. Of bark and crowns it has no more than UsdPreviewSurface, and Storm
+        # draws a crown's in minutes without a GPU.
+        keep_networks(flat, [flat.GetDefaultPrim().GetPath().AppendPath(LEAF_MATERIAL)])
         return []
+    keep_networks(flat)
     several = settle_colors(flat)
-    keep_networks(flat, (UNIVERSAL,))  # without what read the colours
+    keep_networks(flat)  # without what read the colours
     if not several:
         return []
     text = f"colours of single leaves or faces are left out: {', '.join(several)} has their mean"
