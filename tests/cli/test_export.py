@@ -168,6 +168,16 @@ def test_branches_alone_are_exported_without_a_bake(tmp_path, capsys):
     assert "is exported without leaves" in line
 
 
+def test_a_look_for_one_placement_is_exported_as_any(studio, tmp_path):
+    look = tmp_path / "one.usda"
+    assert run("edit", studio / "oak", *EDITS, "--prim", "/World/plants/oak_1", "-o", look) == 0
+    for name, given in (("one", look), ("all", studio / "look.usda")):
+        assert run("export", given, "--profile", "standalone", "-o", tmp_path / name, "--name", "oak") == 0
+    one, every = (opened(tmp_path / name / "oak.usdc") for name in ("one", "all"))
+    for path in ("/oak/geo/render/Leaves.points", "/oak/geo/render/Branches.points"):
+        np.testing.assert_array_equal(one.GetAttributeAtPath(path).Get(), every.GetAttributeAtPath(path).Get())
+
+
 def test_what_moves_is_exported_at_rest(tmp_path):
     motion = BranchMotion(rig=RigSettings(), sway=SwaySettings(frames=4), growth_frames=4)
     write_moving(tmp_path / "ash", "ash", fork(), motion, leaves_on(fork(), "bezier", "mesh"))
