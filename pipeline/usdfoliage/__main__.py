@@ -37,6 +37,7 @@ COMMANDS = (
     "scatter",
     "edit",
     "bake",
+    "export",
     "info",
     "preview",
     "view",

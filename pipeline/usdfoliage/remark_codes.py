@@ -1128,6 +1128,36 @@ SECTIONS: tuple[RemarkSection, ...] = (
         },
     ),
     RemarkSection(
+        title="Exports",
+        kinds={
+            "surface-not-refined": RemarkKind(
+                severity="warning",
+                meaning="A subdivision surface has too many faces to be refined. The export has its cage as polygons.",
+                action="Choose fewer orders of branches in the asset's variant set branches, and export again.",
+            ),
+            "assembly-without-joints": RemarkKind(
+                severity="info",
+                meaning="A plant without branches becomes an assembly of static meshes. No wind moves it.",
+                action="Nothing, or give the leaves branches with `usdfoliage branches`.",
+            ),
+            "leaf-shapes-repeated": RemarkKind(
+                severity="info",
+                meaning=(
+                    "Each leaf has the shape of one of a few. The remark has how far these are from the leaves' own "
+                    "shapes."
+                ),
+                action="Allow more shapes if leaves near the camera show it.",
+            ),
+            "colors-averaged": RemarkKind(
+                severity="info",
+                meaning=(
+                    "The profile's applications read no colour of a single leaf. The material has the mean colour."
+                ),
+                action="Give the leaves a texture, or export with the profile standalone.",
+            ),
+        },
+    ),
+    RemarkSection(
         title="Builds",
         kinds={
             "part-failed": RemarkKind(

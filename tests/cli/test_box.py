@@ -80,13 +80,17 @@ def test_what_takes_the_processor_is_refused_in_one_line(chain):
     assert complaints.count("\n") == 1
 
 
-@pytest.mark.parametrize("command", ["info", "validate", "bake", "edit"])
+@pytest.mark.parametrize("command", ["info", "validate", "bake", "edit", "export"])
 def test_a_text_without_end_is_refused_before_it_is_read(tmp_path, command):
     with (tmp_path / "long.usda").open("wb") as file:
         file.write(b"#usda 1.0\n")
         file.truncate(1 << 31)
     (tmp_path / "a.usda").write_text("#usda 1.0\n( subLayers = [@long.usda@] )\n")
-    more = {"bake": ("-o", tmp_path / "out"), "edit": ("--width", 2, "-o", tmp_path / "out.usda")}.get(command, ())
+    more = {
+        "bake": ("-o", tmp_path / "out"),
+        "edit": ("--width", 2, "-o", tmp_path / "out.usda"),
+        "export": ("--profile", "standalone", "-o", tmp_path / "out"),
+    }.get(command, ())
     code, printed, complaints = end(command, tmp_path / "a.usda", *more)
     assert (code, printed) == (2, "")
     assert complaints.startswith(f"error: {tmp_path / 'long.usda'} is a layer of 2,048 MiB of text, more than 64;")

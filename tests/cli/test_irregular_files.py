@@ -89,14 +89,19 @@ def spray(tmp_path_factory):
     return folder / "spray"
 
 
-@pytest.mark.parametrize("command", ["validate", "bake", "preview"])
+@pytest.mark.parametrize("command", ["validate", "bake", "export", "preview"])
 def test_a_pipe_in_place_of_a_texture(tmp_path, spray, command):
     asset = tmp_path / "spray"
     shutil.copytree(spray, asset)
     (texture,) = (asset / "maps").iterdir()
     texture.unlink()
     os.mkfifo(texture)
-    words = {"validate": (), "bake": ("-o", tmp_path / "out"), "preview": ("-o", tmp_path / "out.png")}[command]
+    words = {
+        "validate": (),
+        "bake": ("-o", tmp_path / "out"),
+        "export": ("--profile", "usdz", "-o", tmp_path / "out.usdz"),
+        "preview": ("-o", tmp_path / "out.png"),
+    }[command]
     ended = end(command, asset, *words)
     if command == "validate":
         assert ended.returncode == 3, ended.stderr

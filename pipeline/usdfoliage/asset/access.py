@@ -51,6 +51,11 @@ def bake_access(asset: Path, output: Path) -> Access:
     return Access(reads=found.reads, replaces=(output,), keeps=(found.asset,))
 
 
+def export_access(asset: Path, output: Path) -> Access:
+    """Of an export, which never replaces what it reads."""
+    return Access(reads=find_asset(asset).reads, replaces=(output,))
+
+
 def look_access(output: Path, asset: Path, jitter_map: Path | None) -> Access:
     """Of a look, which may replace the one that it is an edit of, as what that has comes along.
 

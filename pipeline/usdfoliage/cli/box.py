@@ -1,10 +1,10 @@
 """Commands that open USD of strangers run in a child process with limits; its death is one line and exit code 2.
 
 USD's own readers trust a file: some damage makes them take all memory, run for hours, or end the process. No check of
-ours before them finds all of that. So `info`, `validate`, `edit`, `bake`, `preview` and `view` run whole in a child.
-The parent reads no file: it starts the child, waits, and ends it where it takes more memory or time than its files
-explain. Time is that of the processor, so that a busy machine refuses no good asset; the clock ends what only waits.
-What libraries print by themselves goes to a pipe, so that nothing raw from a file reaches a terminal.
+ours before them finds all of that. So `info`, `validate`, `edit`, `bake`, `export`, `preview` and `view` run whole in a
+child. The parent reads no file: it starts the child, waits, and ends it where it takes more memory or time than its
+files explain. Time is that of the processor, so that a busy machine refuses no good asset; the clock ends what only
+waits. What libraries print by themselves goes to a pipe, so that nothing raw from a file reaches a terminal.
 
 The child reports what it reads, once it knows, in one line of JSON; until then the limits of an empty asset hold.
 """
@@ -41,7 +41,7 @@ WORK_VARIABLE = "USDFOLIAGE_CPU_LIMIT_S"
 TIME_VARIABLE = "USDFOLIAGE_TIME_LIMIT_S"
 OUTPUT_VARIABLE = "USDFOLIAGE_OUTPUT_LIMIT_GIB"
 TEXT_VARIABLE = "USDFOLIAGE_TEXT_LIMIT_MIB"
-BOXED = ("info", "validate", "edit", "bake", "preview", "view")
+BOXED = ("info", "validate", "edit", "bake", "export", "preview", "view")
 _DRAWING = ("preview", "view")  # they draw in a third process: Storm has a limit, and a window is closed by its user
 _GIB = 1 << 30
 _ERROR = "error: "  # how the line of a refusal begins

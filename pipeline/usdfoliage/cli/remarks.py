@@ -89,6 +89,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
         table="leaves",
     ),
     "bake": CommandOptions(arguments={"source": "--from"}),
+    "export": CommandOptions(arguments={"shapes": "--shapes"}),
     "edit": CommandOptions(arguments={"jitter": "--jitter"}),
     "scatter": CommandOptions(options={"plant.representations": "--representation"}),
 }

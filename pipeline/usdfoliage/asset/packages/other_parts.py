@@ -70,7 +70,7 @@ def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
     Raises:
         AssetError: The plant has branches or a crown, but interface has no payload layer as ours have.
     """
-    stage, name = plant.GetStage(), plant.GetName()
+    stage, name = plant.GetStage(), _own_name(plant, interface)
     branches, skeleton = (stage.GetPrimAtPath(plant.GetPath().AppendPath(part)) for part in (BRANCHES, SKELETON))
     is_whole = any(plant.HasAPI(Usd.CollectionAPI, part) for part in COLLECTIONS)
     if not branches and not skeleton and not is_whole:
@@ -102,9 +102,14 @@ def find_other_parts(plant: Usd.Prim, interface: Path) -> OtherParts | None:
     )
 
 
+def _own_name(plant: Usd.Prim, interface: Path) -> str:
+    """The name of the plant in its asset's layers: a look for one placement has it under that one's."""
+    return str(open_layer(interface).defaultPrim or plant.GetName())
+
+
 def _parts_of_whole(plant: Usd.Prim, interface: Path, spec: Sdf.PrimSpec) -> OtherParts:
     """The parts of a whole plant, whichever of its lods is selected; its sets as they are in an asset of branches."""
-    name = plant.GetName()
+    name = _own_name(plant, interface)
     root = open_layer(interface).GetPrimAtPath(f"/{name}")
     selected = dict(root.variantSelections) if root else {}
     lods = {each: variant.primSpec for each, variant in _variants(spec, "lod").items()}

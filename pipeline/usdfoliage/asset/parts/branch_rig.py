@@ -5,7 +5,7 @@ surface and the joints. Not geo: USD takes the bounds of a SkelRoot for all that
 set that chooses among surfaces is there again, for each has points of its own to be bound.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -69,10 +69,17 @@ def joint_names(rig: Rig) -> list[str]:
 
 def author_joints(stage: Usd.Stage, path: Sdf.Path, rig: Rig) -> UsdSkel.Skeleton:
     """Define the joints at path."""
+    return author_joints_at(stage, path, joint_names(rig), rig.bind, rig.rest)
+
+
+def author_joints_at(
+    stage: Usd.Stage, path: Sdf.Path, joints: Sequence[str], bind: NDArray[np.float64], rest: NDArray[np.float64]
+) -> UsdSkel.Skeleton:
+    """Define joints at path: their paths, and matrices (J, 4, 4) as Rig.bind and Rig.rest have them."""
     skeleton = UsdSkel.Skeleton.Define(stage, path)
-    skeleton.CreateJointsAttr(joint_names(rig))
-    skeleton.CreateBindTransformsAttr(_matrices(rig.bind))
-    skeleton.CreateRestTransformsAttr(_matrices(rig.rest))
+    skeleton.CreateJointsAttr(list(joints))
+    skeleton.CreateBindTransformsAttr(_matrices(bind))
+    skeleton.CreateRestTransformsAttr(_matrices(rest))
     return skeleton
 
 

@@ -1,0 +1,1 @@
+"""Exports of finished assets for other applications."""
