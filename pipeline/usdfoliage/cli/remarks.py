@@ -89,7 +89,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
         table="leaves",
     ),
     "bake": CommandOptions(arguments={"source": "--from"}),
-    "edit": CommandOptions(arguments={"jitter": "--jitter"}),
+    "edit": CommandOptions(arguments={"jitter": "--jitter", "prim": "--prim"}),
     "scatter": CommandOptions(options={"plant.representations": "--representation"}),
 }
 
