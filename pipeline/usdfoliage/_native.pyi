@@ -92,6 +92,7 @@ class PlaceSettings:
     usage_weight: float  # how much dearer a place gets by every use
     near_weight: float  # and by every use within two patches
     candidate_share: float  # of all places, how many are tried for a patch, in [0, 1]
+    max_places: int  # so many are tried on a grid at most, then all around the best of them
     cuts: int  # of the places that match best, how many are compared by their seam
     seed: int  # of the choice, 32 bits
 
@@ -103,6 +104,7 @@ class PlaceSettings:
         usage_weight: float,
         near_weight: float,
         candidate_share: float,
+        max_places: int,
         cuts: int,
         seed: int,
     ) -> None: ...

@@ -1,6 +1,5 @@
 """Libraries: lists of captures, plants that fail, and what a second run does."""
 
-import json
 import os
 import shutil
 from pathlib import Path
@@ -9,6 +8,7 @@ import pytest
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.plant.library import read_library
 
+from tests.support.commands.json_output import read_output
 from tests.support.leaves.commands import refused, run
 from tests.support.small_builds import write_quick_plan, write_small_capture
 
@@ -126,7 +126,7 @@ def test_one_bad_capture_does_not_stop_the_others_and_a_second_run_does_nothing(
     printed = capsys.readouterr().out
     assert printed.count("nothing to do") == 2
     assert run(*command, "--json") == 2
-    made = json.loads(capsys.readouterr().out)
+    made = read_output("batch", capsys.readouterr().out)
     assert made["asset"] is None
     assert Path(made["report"]) == out / "index.html"
     by_name = {plant["name"]: plant for plant in made["plants"]}

@@ -29,6 +29,7 @@ from usdfoliage.remarks import remark, remark_from_json
 from tests.capture.mvs.test_colmap_stereo import write_matrix
 from tests.support.capture_photos import LENS, draw, poses, scene, write_photos, write_posed_photos
 from tests.support.captures import write_depth, write_text_model
+from tests.support.commands.json_output import read_output
 from tests.support.leaves.commands import files, printed, refused, run
 
 WORK = Path(".usdfoliage") / "capture"
@@ -132,7 +133,7 @@ def test_a_second_run_takes_all_from_the_first(bed, made, capsys):
 
 
 def test_a_capture_is_one_json_object(bed, capsys):
-    made = json.loads("\n".join(printed(capsys, *words(bed, "--json"))))
+    made = read_output("capture", "\n".join(printed(capsys, *words(bed, "--json"))))
     assert made["asset"] is None
     assert made["report"] is None  # --no-report
     assert Path(made["cloud"]) == bed / "cloud.ply"

@@ -17,6 +17,7 @@ from usdfoliage.__main__ import main
 from usdfoliage.asset.materials.cubemap_exr import read_cubemap
 from usdfoliage.geometry.color import encode_srgb
 
+from tests.support.commands.json_output import read_output
 from tests.support.crown_shapes import disc_mask, foliage
 
 SMALL = ("--size", "32", "--mesh-size", "17", "--no-preview")
@@ -70,10 +71,12 @@ def test_a_photograph_becomes_an_asset_with_report(capture, tmp_path, capsys):
     assert sorted(p.name for p in out.parent.iterdir()) == ["oak"]
 
 
-def test_the_same_run_gives_the_same_asset(capture, tmp_path):
-    for name in ("one", "two"):
+def test_the_same_run_gives_the_same_asset(capture, tmp_path, capsys):
+    for name, words in (("one", ()), ("two", ("--json",))):
         arguments = ["crown", str(capture / "oak.png"), "--mask", str(capture / "mask.png"), "--name", "oak"]
-        assert main([*arguments, "-o", str(tmp_path / name), *SMALL]) == 0
+        capsys.readouterr()
+        assert main([*arguments, "-o", str(tmp_path / name), *SMALL, *words]) == 0
+    assert Path(read_output("crown", capsys.readouterr().out)["asset"]).is_file()
 
     one, two = (
         {name: data for name, data in files(tmp_path / folder).items() if name != "report/timings.js"}

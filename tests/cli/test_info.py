@@ -1,6 +1,5 @@
 """What `usdfoliage info` prints of assets and looks."""
 
-import json
 import shutil
 from dataclasses import replace
 
@@ -14,6 +13,7 @@ from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.geometry.color import encode_srgb
 
+from tests.support.commands.json_output import read_output
 from tests.support.crown_shapes import disc_mask, foliage
 from tests.support.leaves.assets import random_leaves, write_spray
 from tests.support.leaves.commands import printed, refused, run
@@ -27,7 +27,7 @@ def spray(tmp_path_factory):
 
 
 def describe(capsys, asset) -> dict:
-    return json.loads("\n".join(printed(capsys, "info", asset, "--json")))
+    return read_output("info", "\n".join(printed(capsys, "info", asset, "--json")))
 
 
 def test_the_numbers_are_those_of_the_leaves(spray, capsys):

@@ -21,6 +21,7 @@ from usdfoliage.jobs.work.settings_file import format_settings
 from usdfoliage.leaf import reconstruct
 
 from tests.support.captures import write_depth
+from tests.support.commands.json_output import read_output
 from tests.support.leaves.captures import known_foliage
 from tests.support.leaves.commands import files, patch_count, printed, read, refused, run
 from tests.support.leaves.true_segmentation import segment_truly
@@ -140,7 +141,8 @@ def test_photographs_that_are_withheld_measure_the_asset(written, tmp_path, caps
     assert "Withheld photographs" in text
     assert json.loads((folder / "withheld.json").read_text())["views"][0]["name"] == "002.jpg"
     assert set(read(tmp_path / "a").leaves.view) <= {0, 1, 3}
-    stated = json.loads("\n".join(printed(capsys, *words(written, tmp_path / "b", "--hold-back", 2, "--json"))))
+    text = "\n".join(printed(capsys, *words(written, tmp_path / "b", "--hold-back", 2, "--json")))
+    stated = read_output("leaves", text)
     assert stated["withheld"]["hold_back"] == 2
     assert 0 < stated["withheld"]["mean"]["iou"] <= 1
 

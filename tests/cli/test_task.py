@@ -12,6 +12,7 @@ import pytest
 import yaml
 from usdfoliage.cli.task import read_chunk, read_chunks
 
+from tests.support.commands.json_output import read_output
 from tests.support.leaves.commands import run
 from tests.support.small_builds import digests, write_quick_plan, write_small_capture
 
@@ -33,7 +34,7 @@ def folder(tmp_path_factory) -> Path:
 def steps_of(capsys, *command: object) -> dict[str, dict[str, object]]:
     capsys.readouterr()
     assert run(*command, "--step", "list", "--json") == 0
-    return {step["step"]: step for step in json.loads(capsys.readouterr().out)}
+    return {step["step"]: step for step in read_output("task", capsys.readouterr().out)["steps"]}
 
 
 def test_chunks_are_read():

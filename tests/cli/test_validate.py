@@ -1,6 +1,5 @@
 """The command `usdfoliage validate`: its lines, its JSON, its exit codes."""
 
-import json
 from pathlib import Path
 
 import pytest
@@ -8,6 +7,7 @@ from pxr import Sdf, Usd, UsdGeom
 from usdfoliage.__main__ import main
 
 from tests.support import plant_stages as stages
+from tests.support.commands.json_output import read_output
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_scene(asset: Path, capsys: pytest.CaptureFixture[str]) -> None:
 def test_json(asset: Path, capsys: pytest.CaptureFixture[str]) -> None:
     break_asset(asset)
     assert main(["validate", str(asset), "--json"]) == 3
-    report = json.loads(capsys.readouterr().out)
+    report = read_output("validate", capsys.readouterr().out)
     assert report["errors"] == 1
     assert report["asset"] == str(asset)
     (finding,) = [each for each in report["findings"] if each["severity"] == "error"]

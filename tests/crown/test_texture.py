@@ -103,6 +103,31 @@ def test_the_border_of_what_is_known_is_no_step():
         assert np.abs(image[10:80, border + 1] - image[10:80, border]).mean() < 1.35 * mean_step
 
 
+EVERY_PLACE = TextureSettings(max_places=2**24)
+
+
+def test_a_small_exemplar_is_searched_everywhere():
+    exemplar = blobs(96, 96)
+    first, second = (
+        synthesize_sources(exemplar, (90, 120), np.random.default_rng(0), settings=settings)
+        for settings in (TextureSettings(), EVERY_PLACE)
+    )
+    np.testing.assert_array_equal(first, second)
+
+
+def test_a_grid_of_places_is_as_good_as_every_place():
+    exemplar = blobs(160, 160)
+    joins = []
+    for settings in (TextureSettings(max_places=200), EVERY_PLACE):
+        source = synthesize_sources(exemplar, (192, 256), np.random.default_rng(0), settings=settings)
+        image = exemplar[source[..., 0], source[..., 1]]
+        # Where a pixel does not continue the one on its left: by how much they differ.
+        shift = source - np.stack(np.indices((192, 256)), axis=-1)
+        breaks = (np.diff(shift, axis=1) != 0).any(axis=-1)
+        joins.append(float(np.abs(np.diff(image, axis=1)).mean(axis=-1)[breaks].sum()))
+    assert joins[0] < 1.02 * joins[1]
+
+
 def test_all_known_is_left_alone():
     exemplar = blobs()
     known = blobs(40, 41, seed=5)

@@ -108,3 +108,17 @@ def test_a_crown_under_a_light_at_the_eye_and_selected(python, tmp_path):
     chosen = draw_as_usdview(python, scene, tmp_path / "chosen.npy", selected=("/plant", None))
     changed = np.abs(chosen.astype(int) - plain.astype(int)).max(axis=-1) > 20
     assert changed[covered(plain)].mean() > 0.8
+
+
+@pytest.mark.preview
+def test_a_skeleton_is_seen_where_the_wood_was(python, tmp_path):
+    asset = write_whole_plant(tmp_path / "oak")
+    plain = draw_as_usdview(python, asset, tmp_path / "plain.npy")
+    skeleton = draw_as_usdview(python, asset, tmp_path / "skeleton.npy", guides=("Skeleton",))
+
+    def blue_or_orange(picture):
+        red, green, blue = np.moveaxis(picture.astype(int), -1, 0)
+        return (abs(red - blue) > 40) & (np.maximum(red, blue) > green + 20)
+
+    assert not blue_or_orange(plain).any()
+    assert blue_or_orange(skeleton).sum() > 60

@@ -265,6 +265,26 @@ def test_guides_are_switched_by_name(tmp_path) -> None:
     assert (skeleton.ComputeVisibility(), cloud.ComputeVisibility()) == ("inherited", "inherited")
 
 
+def test_the_wood_is_hidden_for_as_long_as_the_skeleton_is_visible(tmp_path) -> None:
+    stage = Usd.Stage.Open(str(write_whole_plant(tmp_path / "oak")))
+    wood = UsdGeom.Imageable(stage.GetPrimAtPath("/oak/geo/render/Branches"))
+    before = stage.GetSessionLayer().ExportToString()
+    plants.show_guides(stage, {"Skeleton"})
+    assert wood.ComputeVisibility() == "invisible"
+    plants.show_guides(stage, {"Cloud"})
+    assert wood.ComputeVisibility() == "inherited"
+    plants.show_guides(stage, {"Skeleton"})
+    plants.show_guides(stage, set())
+    assert wood.ComputeVisibility() == "inherited"
+    assert "Branches" not in stage.GetSessionLayer().ExportToString()
+    assert "Branches" not in before
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        wood.MakeInvisible()  # by the user, which stays
+    for visible in ({"Skeleton"}, set()):
+        plants.show_guides(stage, visible)
+        assert wood.ComputeVisibility() == "invisible"
+
+
 # What usdfoliage answers
 
 
@@ -360,21 +380,23 @@ def test_the_menu_and_the_panel_in_usdview_without_usdfoliage(tmp_path) -> None:
         menu
     )
     assert seen["mesh"] == ["mesh", "Mesh"]
-    assert seen["no_crown"] == ["leaves", "no plant has lod crown"]
+    assert seen["no_crown"] == ["leaves", "No plant has the lod crown."]
     assert seen["panel"]
+    assert seen["sentence"] == "The leaves have no edits yet."
     assert seen["boxes"] == ["lod", "representation"]
     assert (seen["product"], seen["curves"]) == (False, 0)
     assert seen["edited"] == [1.5, True]
-    assert "without usdfoliage" in seen["status"]
+    assert seen["helpers"] == 0
+    assert seen["status"].startswith("The look is saved with wide extents")
     assert ".usda" in seen["refused"]
-    assert seen["hidden"] == [1.0, 1.0]
-    assert seen["visible"] == [1.5, 1.5]
+    assert seen["hidden"] == [1.0, 1.0, "The edits are hidden. Show them to change them."]
+    assert seen["visible"] == [1.5, 1.5, "The leaves are edited."]
     assert seen["subdiv"] == ["subdiv", False, "Edits act on the representation bezier: choose it."]
     assert seen["back"] == [True, 1.5]
-    assert seen["reset"] == [1.0, 1.0]
-    assert seen["guide"] == [True, "inherited"]
-    assert seen["no_guide"] == [False]
-    assert seen["no_cloud"] == "no plant has a guide Cloud"
+    assert seen["reset"] == [1.0, 1.0, "All edits are taken back."]
+    assert seen["guide"] == [True, "inherited", "The skeleton is visible now."]
+    assert seen["no_guide"] == [False, "The skeleton is hidden now."]
+    assert seen["no_cloud"] == "No plant has a cloud."
     assert seen["untouched"]
     assert seen["elsewhere"] == ["mesh", False]
     assert seen["again"] == {"closed": True, "widths": [1.25, 1.0], "same_product": True}
@@ -397,7 +419,7 @@ def test_a_whole_plant_in_usdview_without_usdfoliage(tmp_path) -> None:
     seen = in_usdview("plant_session.py", asset, tmp_path, "/nowhere")
     assert seen["lods"] == ["auto", "both", "crown", "leaves"]
     assert seen["crown"] == [False, "The lod crown shows no leaves to edit: choose leaves or both or auto."]
-    assert seen["again"] == [True, ""]
+    assert seen["again"] == [True, "The leaves have no edits yet."]
     assert seen["widths"] == {"leaves": 1.5, "both": 1.5, "crown": None, "auto": 1.5}
     # USD alone writes what usdfoliage writes, but for extents, which are as large or larger.
     write_look_layer(tmp_path / "ours.usda", asset, LeafEdits(width=1.5))
@@ -409,6 +431,28 @@ def test_a_whole_plant_in_usdview_without_usdfoliage(tmp_path) -> None:
         boxes = [hint_of(layer, asset, lod) for layer in (ours, theirs)]
         assert all(wide.Contains(box) for box, wide in zip(*boxes, strict=True) if not box.IsEmpty())
     assert hint_of(theirs, asset, "crown") == hint_of(ours, asset, "crown")
+
+
+@pytest.mark.preview
+def test_the_panel_has_room_in_a_small_window_for_long_names(tmp_path) -> None:
+    names = ("Rosa_gallica_officinalis_of_the_old_garden_wall_v0012_publish", "b" * 80)
+    assets = [write_spray(tmp_path / name, two_leaves()) for name in ("spray", "other")]
+    scene = Usd.Stage.CreateNew(str(tmp_path / "scene.usda"))
+    for name, asset in zip(names, assets, strict=True):
+        prim = scene.DefinePrim(f"/World/{name}")
+        prim.GetReferences().AddReference(str(asset))
+        seasons = prim.GetVariantSets().AddVariantSet("season_and_weather_of_the_year")
+        seasons.AddVariant("late_summer_after_three_weeks_without_any_rain")
+    scene.Save()
+    seen = in_usdview("small_session.py", tmp_path, tmp_path, "/nowhere")
+    assert seen["on_screen"]
+    assert seen["size"][0] <= 340
+    assert seen["size"][1] <= 240
+    assert seen["cut"] == []
+    assert seen["sideways"] == 0
+    assert names[0] in seen["tip"]
+    assert seen["wheel"] == [True, True]
+    assert seen["reached"]
 
 
 def edits_in(layer: Sdf.Layer) -> dict[Sdf.Path, object]:
@@ -443,6 +487,8 @@ def test_usdview_saves_through_the_usdfoliage_on_the_path(tmp_path) -> None:
     program.chmod(0o755)
     seen, asset = usdview_session(tmp_path, os.pathsep.join([str(tmp_path / "bin"), os.environ["PATH"]]))
     assert (seen["product"], seen["curves"]) == (True, 7)
+    assert seen["again"]["same_product"]
+    assert seen["helpers"] == 1  # however often the panel was opened
     write_look_layer(tmp_path / "ours.usda", asset, EDITED)
     assert (tmp_path / "saved.usda").read_bytes() == (tmp_path / "ours.usda").read_bytes()
     assert "must end with .usda" in seen["refused"]

@@ -4,6 +4,7 @@ from usdviewFoliage import plants
 from usdviewFoliage.panel import FoliagePanel
 from usdviewFoliage.product import ProductError, find_product
 from usdviewFoliage.qt import QtCore, QtWidgets
+from usdviewFoliage.sentences import NO_PLANT, RESET, describe_guide, describe_selection
 
 _DOCK = "usdviewFoliage"  # the panel's object name, by which a window's is found again
 
@@ -72,13 +73,27 @@ def _renew(usdviewApi, dock) -> FoliagePanel | None:
 def open_panel(usdviewApi) -> None:
     panel = panel_of(usdviewApi)
     panel.refresh()
-    panel.parentWidget().show()
+    dock = panel.parentWidget()
+    _fit_screen(usdviewApi.qMainWindow, dock)
+    dock.show()
+
+
+def _fit_screen(window, dock) -> None:
+    """Let the panel float where the screen has no room for it beside usdview, which needs some 630 pixels itself."""
+    if not dock.isHidden():
+        return
+    screen = window.screen().availableGeometry()
+    if window.minimumSizeHint().width() + dock.minimumSizeHint().width() <= screen.width():
+        return
+    dock.setFloating(True)
+    size = dock.sizeHint().boundedTo(screen.size())
+    dock.setGeometry(screen.right() + 1 - size.width(), screen.top(), size.width(), size.height())
 
 
 def select(usdviewApi, name: str, chosen: str) -> None:
     """Select a variant on every plant that has it."""
     count = plants.select_variant(usdviewApi.stage, name, chosen)
-    usdviewApi.PrintStatus(f"{name} {chosen}: {count} plants" if count else f"no plant has {name} {chosen}")
+    usdviewApi.PrintStatus(describe_selection(name, chosen, count))
     panel_of(usdviewApi).refresh()
     usdviewApi.UpdateGUI()
 
@@ -88,23 +103,27 @@ def toggle_guide(usdviewApi, name: str) -> None:
     panel = panel_of(usdviewApi)
     box = panel.guide_boxes[name]
     if name not in plants.guide_prims(usdviewApi.stage):
-        usdviewApi.PrintStatus(f"no plant has a guide {name}")
+        usdviewApi.PrintStatus(describe_guide(name, None))
         return
     box.setChecked(not box.isChecked())
+    usdviewApi.PrintStatus(describe_guide(name, box.isChecked()))
     usdviewApi.UpdateGUI()
 
 
 def reset_edits(usdviewApi) -> None:
     panel = panel_of(usdviewApi)
-    if panel.look is not None:
-        panel.reset()
-        usdviewApi.UpdateGUI()
+    if panel.look is None:
+        usdviewApi.PrintStatus(NO_PLANT)
+        return
+    panel.reset()
+    usdviewApi.PrintStatus(RESET)
+    usdviewApi.UpdateGUI()
 
 
 def save_look(usdviewApi) -> None:
     panel = panel_of(usdviewApi)
     if panel.look is None:
-        usdviewApi.PrintStatus("there is no plant of usdfoliage here")
+        usdviewApi.PrintStatus(NO_PLANT)
         return
     path, _ = QtWidgets.QFileDialog.getSaveFileName(usdviewApi.qMainWindow, "Save look", "look.usda", "Looks (*.usda)")
     if not path:

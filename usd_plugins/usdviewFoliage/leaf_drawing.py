@@ -14,7 +14,7 @@ class LeafDrawing(QtWidgets.QWidget):
         super().__init__(parent)
         self.curves = []
         self.text = ""
-        self.setMinimumSize(240, 190)
+        self.setMinimumSize(200, 150)
         self.setToolTip(
             "The average leaf under the edits, from the front and from its right side; dots are control points."
         )

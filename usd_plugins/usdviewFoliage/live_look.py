@@ -62,7 +62,7 @@ class LiveLook:
         if self.class_path is None:
             return "This plant inherits no class, so no look can reach it."
         if not self.plant:
-            return f"There is no <{self.plant_path}> any more."
+            return "This plant is gone from the stage."
         if not plants.find_leaves(self.base_plant):
             return "This plant has no leaves that can be edited."
         if not plants.find_leaves(self.plant):
@@ -95,6 +95,10 @@ class LiveLook:
 
     def is_visible(self) -> bool:
         return self._visible
+
+    def is_edited(self) -> bool:
+        """Whether the leaves differ from the asset's."""
+        return bool(self.layer.rootPrims)
 
     def show(self, visible: bool) -> None:
         """Hide the edits, or show them again."""

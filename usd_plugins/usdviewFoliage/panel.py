@@ -20,8 +20,10 @@ from usdviewFoliage.leaf_drawing import LeafDrawing
 from usdviewFoliage.live_look import LiveLook
 from usdviewFoliage.product import ProductError, ProductGoneError
 from usdviewFoliage.qt import QtCore, QtWidgets
+from usdviewFoliage.sentences import NO_PRODUCT, describe_look, describe_saved
 
-NO_PRODUCT = "The average leaf is drawn by usdfoliage: put it on PATH."
+NAME_CHARACTERS = 8  # of a name, for which a box has room at least; a longer one is in its tip
+WIDEST_PX = 320  # the panel asks for no more, whatever a style or a font needs
 
 
 class FoliagePanel(QtWidgets.QWidget):
@@ -40,13 +42,21 @@ class FoliagePanel(QtWidgets.QWidget):
         self.look = None
         self._pressed = False  # a slider
         self.setWindowTitle("Foliage")
-        layout = QtWidgets.QVBoxLayout(self)
-        self.plant_box = QtWidgets.QComboBox()
-        self.plant_box.setToolTip("The asset: edits act on all plants of it.")
+        outer = QtWidgets.QVBoxLayout(self)
+        outer.setContentsMargins(0, 0, 0, 0)
+        self.content = QtWidgets.QWidget()  # scrolls as a whole, so that a small window has all of it
+        self.scroll_area = QtWidgets.QScrollArea()
+        self.scroll_area.setWidgetResizable(True)
+        self.scroll_area.setFrameShape(QtWidgets.QFrame.NoFrame)
+        self.scroll_area.setWidget(self.content)
+        outer.addWidget(self.scroll_area, 1)
+        layout = QtWidgets.QVBoxLayout(self.content)
+        self.plant_box = _name_box()
         self.plant_box.currentIndexChanged.connect(lambda _: self._choose_plant())
         layout.addWidget(self.plant_box)
 
         self.variant_form = QtWidgets.QFormLayout()
+        self.variant_form.setRowWrapPolicy(QtWidgets.QFormLayout.WrapLongRows)
         self.variant_boxes = {}
         layout.addLayout(self.variant_form)
 
@@ -67,12 +77,10 @@ class FoliagePanel(QtWidgets.QWidget):
         self.sliders = EditSliders()
         self.sliders.changed.connect(self._edit)
         self.sliders.dragged.connect(self._press)
-        scroll = QtWidgets.QScrollArea()
-        scroll.setWidgetResizable(True)
-        scroll.setWidget(self.sliders)
-        layout.addWidget(scroll, 1)
+        layout.addWidget(self.sliders, 1)
 
         buttons = QtWidgets.QHBoxLayout()
+        buttons.setContentsMargins(6, 0, 6, 6)
         self.show_box = QtWidgets.QCheckBox("show edits")
         self.show_box.setChecked(True)
         self.show_box.toggled.connect(self._mute)
@@ -86,7 +94,7 @@ class FoliagePanel(QtWidgets.QWidget):
         self.save_button.clicked.connect(lambda: self._ask_and_save())
         for widget in (self.show_box, self.reset_button, self.save_button):
             buttons.addWidget(widget)
-        layout.addLayout(buttons)
+        outer.addLayout(buttons)
         self.find_plants()
 
     # What is shown
@@ -99,6 +107,8 @@ class FoliagePanel(QtWidgets.QWidget):
         self.plant_box.clear()
         for plant in found:
             self.plant_box.addItem(plant.GetName(), str(plant.GetPath()))
+            tip = f"{plant.GetName()}: edits act on all plants of this asset."
+            self.plant_box.setItemData(self.plant_box.count() - 1, tip, QtCore.Qt.ToolTipRole)
         self.plant_box.setCurrentIndex(max(self.plant_box.findData(before), 0 if found else -1))
         self.plant_box.blockSignals(False)
         self.plant_box.setVisible(len(found) > 1)
@@ -110,16 +120,17 @@ class FoliagePanel(QtWidgets.QWidget):
         guides = plants.guide_prims(self.stage)
         for name, box in self.guide_boxes.items():
             box.setEnabled(name in guides)
-        why_not = self.look.why_not() if self.look else "There is no plant of usdfoliage here."
-        hidden = not why_not and not self.look.is_visible()
-        self.reason.setText("The edits are hidden; show them to change them." if hidden else why_not)
-        self.reason.setVisible(bool(why_not) or hidden)
+        can_edit, sentence = describe_look(self.look)
+        self.reason.setText(sentence)
         for widget in (self.sliders, self.save_button, self.reset_button):
-            widget.setEnabled(not why_not and not hidden)
-        self.show_box.setEnabled(not why_not)
-        if not why_not:
+            widget.setEnabled(can_edit)
+        can_hide = self.look is not None and not self.look.why_not()
+        self.show_box.setEnabled(can_hide)
+        self.drawing.setVisible(can_hide)
+        if can_hide:
             self.sliders.show_edits(self.look.values())
             self._draw_leaf()
+        self._fit_width()
         self.host.redraw()
 
     def leave_stage(self) -> None:
@@ -128,6 +139,11 @@ class FoliagePanel(QtWidgets.QWidget):
         if self._listener is not None:
             self._listener.Revoke()
             self._listener = None
+
+    def _fit_width(self) -> None:
+        """Be no narrower than what the panel has, so that no label is cut; beyond a limit it scrolls sideways."""
+        bar = self.style().pixelMetric(QtWidgets.QStyle.PM_ScrollBarExtent)
+        self.scroll_area.setMinimumWidth(min(self.content.minimumSizeHint().width() + bar, WIDEST_PX))
 
     def _note_change(self, notice, _stage) -> None:
         """Prims have come or gone, as where a variant was selected in another part of the program."""
@@ -142,6 +158,7 @@ class FoliagePanel(QtWidgets.QWidget):
         self.find_plants()
 
     def _choose_plant(self) -> None:
+        self.plant_box.setToolTip(self.plant_box.currentData(QtCore.Qt.ToolTipRole) or "")
         plant = self.stage.GetPrimAtPath(self.plant_box.currentData() or "/")
         self.look = None
         if self.plant_box.count() and plant:
@@ -163,14 +180,17 @@ class FoliagePanel(QtWidgets.QWidget):
                 self.variant_form.removeRow(0)
             self.variant_boxes = {}
             for name, (names, _) in variants.items():
-                box = QtWidgets.QComboBox()
+                box = _name_box()
                 box.addItems(names)
+                for number, variant in enumerate(names):
+                    box.setItemData(number, variant, QtCore.Qt.ToolTipRole)
                 box.activated.connect(lambda _, name=name: self.select(name, self.variant_boxes[name].currentText()))
                 self.variant_form.addRow(name, box)
                 self.variant_boxes[name] = box
         for name, (names, chosen) in variants.items():
             if chosen in names:
                 self.variant_boxes[name].setCurrentIndex(names.index(chosen))
+            self.variant_boxes[name].setToolTip(f"{name}: {chosen}")
 
     def _draw_leaf(self) -> None:
         if self.host.product is None:
@@ -213,13 +233,14 @@ class FoliagePanel(QtWidgets.QWidget):
             except ProductGoneError:
                 self.host.product = None
             else:
-                self.host.show_message(f"look: {path}")
+                self.host.show_message(describe_saved(path, with_product=True))
                 return
         self.look.write(path, edits)
-        self.host.show_message(f"look: {path} (without usdfoliage, so its extents are wider than they need be)")
+        self.host.show_message(describe_saved(path, with_product=False))
 
     def _edit(self, edits: dict) -> None:
         self.look.apply(edits, self._bounds(edits))
+        self.reason.setText(describe_look(self.look)[1])
         self._draw_leaf()
         self.host.redraw()
 
@@ -258,3 +279,11 @@ class FoliagePanel(QtWidgets.QWidget):
             self.save(path if path.endswith(".usda") else f"{path}.usda")
         except (ProductError, ValueError) as error:
             QtWidgets.QMessageBox.warning(self, "Save look", str(error))
+
+
+def _name_box():
+    """A box to choose a name in, as narrow as the panel needs it."""
+    box = QtWidgets.QComboBox()
+    box.setSizeAdjustPolicy(QtWidgets.QComboBox.AdjustToMinimumContentsLengthWithIcon)
+    box.setMinimumContentsLength(NAME_CHARACTERS)
+    return box

@@ -7,6 +7,8 @@ PLANT_API = "FoliagePlantAPI"
 LEAF_API = "FoliageLeafAPI"
 GUIDES = ("Skeleton", "Cloud", "Cameras")  # below a scope of this name
 GUIDE_SCOPE = "guide"
+SKELETON, WOOD = "Skeleton", "Branches"
+_OURS = "usdfoliage"  # in customData of an opinion that show_guides alone may take back
 
 
 def find_plants(stage: Usd.Stage) -> list[Usd.Prim]:
@@ -89,12 +91,37 @@ def guide_prims(stage: Usd.Stage) -> dict[str, list[Sdf.Path]]:
 
 
 def show_guides(stage: Usd.Stage, visible: set[str]) -> None:
-    """Hide, in the session layer, the guides of other names; with none to show leave all as the asset has them."""
+    """Hide, in the session layer, the guides of other names; with none to show leave all as the asset has them.
+
+    A skeleton lies within the wood, which is hidden for as long as the skeleton is visible.
+    """
+    guides = guide_prims(stage)
     with Usd.EditContext(stage, stage.GetSessionLayer()):
-        for name, paths in guide_prims(stage).items():
+        for name, paths in guides.items():
             for path in paths:
                 visibility = UsdGeom.Imageable(stage.GetPrimAtPath(path)).CreateVisibilityAttr()
                 if not visible:
                     visibility.Clear()
                 else:
                     visibility.Set(UsdGeom.Tokens.inherited if name in visible else UsdGeom.Tokens.invisible)
+    for path in guides.get(SKELETON, ()):
+        _show_wood(stage, path.GetParentPath().GetParentPath(), SKELETON not in visible)
+
+
+def _show_wood(stage: Usd.Stage, geo: Sdf.Path, visible: bool) -> None:
+    """Hide the wood below a plant's geo, or take that back; opinions of the user in the session layer stay."""
+    session = stage.GetSessionLayer()
+    for prim in Usd.PrimRange(stage.GetPrimAtPath(geo)):
+        if prim.GetName() != WOOD or not prim.IsA(UsdGeom.Imageable):
+            continue
+        spec = session.GetAttributeAtPath(prim.GetPath().AppendProperty(UsdGeom.Tokens.visibility))
+        if spec is not None and _OURS not in spec.customData:
+            continue
+        if not visible:
+            with Usd.EditContext(stage, session):
+                attribute = UsdGeom.Imageable(prim).CreateVisibilityAttr(UsdGeom.Tokens.invisible)
+                attribute.SetCustomDataByKey(_OURS, True)
+        elif spec is not None:
+            owner = spec.owner
+            owner.RemoveProperty(spec)
+            session.ScheduleRemoveIfInert(owner)

@@ -64,6 +64,7 @@ void bind_texture_synthesis(nb::module_& m) {
                   field("usage_weight", &PlaceSettings::usage_weight, "How much dearer a place gets by every use."),
                   field("near_weight", &PlaceSettings::near_weight, "And by every use within two patches."),
                   field("candidate_share", &PlaceSettings::candidate_share, "Of all places, how many are tried for a patch."),
+                  field("max_places", &PlaceSettings::max_places, "So many are tried on a grid at most, then those around the best."),
                   field("cuts", &PlaceSettings::cuts, "Of the places that match best, how many are compared by their seam."),
                   field("seed", &PlaceSettings::seed, "Of the choice."));
     bind_settings(m, "RefineSettings", "How neighbourhoods are compared.",

@@ -10,6 +10,7 @@ namespace usdfoliage {
 namespace {
 
 constexpr int kC = kTextureChannels;
+constexpr std::size_t kLookedAround = 48;  // of the places on the grid that match best
 
 // Sums over rectangles of a map.
 class SummedArea {
@@ -49,12 +50,13 @@ class Placement {
           threads_(threads),
           usage_(static_cast<std::size_t>(exemplar.rows) * exemplar.columns, 0.0f),
           valid_(exemplar.valid, exemplar.rows, exemplar.columns),
-          variance_(variance()) {
+          variance_(variance()),
+          whole_places_(find_candidates(settings.patch_px, settings.patch_px)) {
         for (std::int32_t i = 0; i < s_.rows * s_.columns; ++i) count(i, 1);
     }
 
     std::int32_t run() {
-        if (find_candidates(settings_.patch_px, settings_.patch_px).empty()) return 0;
+        if (whole_places_.empty()) return 0;
         std::int32_t placed = 0;
         for (const Rectangle& r : order()) placed += place(r);
         return placed;
@@ -209,9 +211,18 @@ class Placement {
         return shifts;
     }
 
+    // The step of a grid on which no more than max_places of so many places lie.
+    std::int32_t step_of(std::size_t places) const {
+        std::int32_t step = 1;
+        while (places > static_cast<std::size_t>(settings_.max_places) * step * step) ++step;
+        return step;
+    }
+
     // The places that fit best into a rectangle, no two of them the same but for a pixel.
     std::vector<Choice> choose(const Rectangle& r, const std::vector<Span>& spans, std::int32_t n_filled) const {
-        const std::vector<Place> places = find_candidates(r.rows, r.columns);
+        const bool whole = r.rows == settings_.patch_px && r.columns == settings_.patch_px;
+        const std::vector<Place> of_part = whole ? std::vector<Place>{} : find_candidates(r.rows, r.columns);
+        const std::vector<Place>& places = whole ? whole_places_ : of_part;
         const auto stamp = static_cast<std::uint32_t>(r.row * s_.columns + r.column);
         const auto threshold = static_cast<std::uint32_t>(settings_.candidate_share * 4294967295.0);
         const std::vector<Place> shifts = shifts_of(r, spans);
@@ -220,36 +231,65 @@ class Placement {
                 return std::abs(p.row - r.row - s.row) <= 2 && std::abs(p.column - r.column - s.column) <= 2;
             });
         };
+        const auto tried = [&](std::size_t i) {
+            return random_bits(settings_.seed ^ stamp, 6, static_cast<std::uint32_t>(i)) <= threshold &&
+                   !(continues(places[i]) && places.size() > 1);
+        };
+        const std::int32_t step = step_of(places.size());
+        const auto shift_row = static_cast<std::int32_t>(random_bits(settings_.seed ^ stamp, 7, 0) % step);
+        const auto shift_column = static_cast<std::int32_t>(random_bits(settings_.seed ^ stamp, 8, 0) % step);
         std::vector<Choice> choices;
         for (std::size_t i = 0; i < places.size(); ++i) {
-            if (continues(places[i]) && places.size() > 1) continue;
-            if (random_bits(settings_.seed ^ stamp, 6, static_cast<std::uint32_t>(i)) <= threshold) {
-                choices.push_back({places[i], 0, 0});
+            const bool on_grid = (places[i].row + shift_row) % step == 0 && (places[i].column + shift_column) % step == 0;
+            if (on_grid && tried(i)) choices.push_back({places[i], 0, 0});
+        }
+        if (step > 1 && choices.empty()) {  // none of a few places may lie on the grid
+            for (std::size_t i = 0; i < places.size(); ++i) {
+                if (tried(i)) choices.push_back({places[i], 0, 0});
             }
         }
         const SummedArea usage(usage_.data(), e_.rows, e_.columns);
         const std::vector<float> near_map = usage_near(r);
         const SummedArea near(near_map.data(), e_.rows, e_.columns);
         const double area = static_cast<double>(r.rows) * r.columns;
-        constexpr std::size_t kChunk = 256;
-        parallel_for((choices.size() + kChunk - 1) / kChunk, threads_, [&](std::size_t chunk) {
-            for (std::size_t i = chunk * kChunk; i < std::min(choices.size(), (chunk + 1) * kChunk); ++i) {
-                const Place p = choices[i].place;
-                choices[i].usage =
-                    (settings_.usage_weight * usage.sum(p.row, p.column, p.row + r.rows, p.column + r.columns) +
-                     settings_.near_weight * near.sum(p.row, p.column, p.row + r.rows, p.column + r.columns)) / area;
-                std::int64_t sum = 0;
-                for (const Span& span : spans) {
-                    sum += squared_difference(patch_color(p, span.row, span.column),
-                                              s_.color + kC * ((r.row + span.row) * s_.columns + r.column + span.column),
-                                              kC * span.pixels);
-                }
-                // A perfect match may be used again and again; where nothing matches yet, usage alone counts.
-                constexpr double kFloor = 0.01;
-                choices[i].price = (static_cast<double>(sum) / (3.0 * std::max(n_filled, 1) * variance_) + kFloor) * (1 + choices[i].usage);
+        const auto set_price = [&](Choice& choice) {
+            const Place p = choice.place;
+            choice.usage = (settings_.usage_weight * usage.sum(p.row, p.column, p.row + r.rows, p.column + r.columns) +
+                            settings_.near_weight * near.sum(p.row, p.column, p.row + r.rows, p.column + r.columns)) / area;
+            std::int64_t sum = 0;
+            for (const Span& span : spans) {
+                sum += squared_difference(patch_color(p, span.row, span.column),
+                                          s_.color + kC * ((r.row + span.row) * s_.columns + r.column + span.column),
+                                          kC * span.pixels);
             }
-        });
-        std::stable_sort(choices.begin(), choices.end(), [](const Choice& a, const Choice& b) { return a.price < b.price; });
+            // A perfect match may be used again and again; where nothing matches yet, usage alone counts.
+            constexpr double kFloor = 0.01;
+            choice.price = (static_cast<double>(sum) / (3.0 * std::max(n_filled, 1) * variance_) + kFloor) * (1 + choice.usage);
+        };
+        const auto set_prices = [&](std::vector<Choice>& of) {
+            constexpr std::size_t kChunk = 256;
+            parallel_for((of.size() + kChunk - 1) / kChunk, threads_, [&](std::size_t chunk) {
+                for (std::size_t i = chunk * kChunk; i < std::min(of.size(), (chunk + 1) * kChunk); ++i) set_price(of[i]);
+            });
+            std::stable_sort(of.begin(), of.end(), [](const Choice& a, const Choice& b) { return a.price < b.price; });
+        };
+        set_prices(choices);
+        if (step > 1) {
+            std::vector<std::uint8_t> around(static_cast<std::size_t>(e_.rows) * e_.columns);
+            for (std::size_t i = 0; i < std::min<std::size_t>(choices.size(), kLookedAround); ++i) {
+                const Place p = choices[i].place;
+                for (std::int32_t y = std::max(p.row - step + 1, 0); y < std::min(p.row + step, e_.rows); ++y) {
+                    for (std::int32_t x = std::max(p.column - step + 1, 0); x < std::min(p.column + step, e_.columns); ++x) {
+                        around[y * e_.columns + x] = 1;
+                    }
+                }
+            }
+            choices.clear();  // those that were best are around themselves
+            for (std::size_t i = 0; i < places.size(); ++i) {
+                if (around[places[i].row * e_.columns + places[i].column] && tried(i)) choices.push_back({places[i], 0, 0});
+            }
+            set_prices(choices);
+        }
         std::vector<Choice> best;
         const auto wanted = static_cast<std::size_t>(spans.empty() ? 1 : settings_.cuts);
         for (std::size_t i = 0; i < choices.size() && best.size() < wanted; ++i) {
@@ -354,6 +394,7 @@ class Placement {
     std::vector<float> usage_;
     SummedArea valid_;
     double variance_;
+    std::vector<Place> whole_places_;  // where a whole patch can be copied from
 };
 
 }  // namespace

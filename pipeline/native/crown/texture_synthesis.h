@@ -34,6 +34,7 @@ struct PlaceSettings {
     float usage_weight;            // how much dearer a place gets by every use
     float near_weight;             // and by every use within two patches
     float candidate_share;         // of all places, how many are looked at for a patch, 0..1
+    std::int32_t max_places;       // looked at on a grid of the exemplar, and then all around the best of them
     std::int32_t cuts;             // of the places that match best, how many are tried by their cut
     std::uint32_t seed;
 };

@@ -56,16 +56,20 @@ def export_access(asset: Path, output: Path) -> Access:
     return Access(reads=find_asset(asset).reads, replaces=(output,))
 
 
-def look_access(output: Path, asset: Path, jitter_map: Path | None) -> Access:
+def look_access(output: Path, asset: Path, jitter_map: Path | None, taken: Path | None = None) -> Access:
     """Of a look, which may replace the one that it is an edit of, as what that has comes along.
+
+    Args:
+        taken: A layer whose edits the look takes, which it may replace too.
 
     Raises:
         AssetError: The output lies in an asset.
     """
     refuse_in_asset(output)
     found = find_asset(asset)
-    reads = (*found.reads, *(() if jitter_map is None else (jitter_map,)))
-    return Access(reads=reads, replaces=(output,), keeps=() if found.look is None else (found.look,))
+    reads = (*found.reads, *(file for file in (jitter_map, taken) if file is not None))
+    keeps = tuple(file for file in (found.look, taken) if file is not None)
+    return Access(reads=reads, replaces=(output,), keeps=keeps)
 
 
 def refuse_in_asset(output: Path) -> None:

@@ -39,6 +39,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PATH",
         help="Only the asset at this prim of a scene is edited. The default is every placement of the asset.",
     )
+    files.add_argument(
+        "--look",
+        metavar="FILE",
+        type=Path,
+        help="The edits in this layer are taken, whoever wrote it, and the extents that they need are added. Other "
+        "edits act on top of them. Other opinions of the layer are not taken.",
+    )
     _add_edits(parser.add_argument_group("edits, in leaf lengths"))
     run_options = parser.add_argument_group("this run")
     add_writing(run_options, of_asset=False)
@@ -105,7 +112,7 @@ def _add_edits(edits: argparse._ActionsContainer) -> None:
 def declare(options: argparse.Namespace) -> Access:
     from usdfoliage.asset.access import look_access
 
-    return look_access(options.output, options.asset, options.jitter_map)
+    return look_access(options.output, options.asset, options.jitter_map, options.look)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -126,8 +133,8 @@ def run(options: argparse.Namespace) -> int:
     print_remarks(planned.remarks, "edit")
     for change in planned.changes:
         print(change)
-    if request.jitter_map:
-        print(f"jitter map: {request.jitter_map}")
+    if planned.jitter_map:
+        print(f"jitter map: {planned.jitter_map}")
     if options.dry_run:
         print(f"would {'replace' if request.output.exists() else 'write'}: {request.output}")
         return 0

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.options.access import reads_alone
-from usdfoliage.files.printable import printable_json
 from usdfoliage.files.write_gate import Access
 
 
@@ -21,14 +20,16 @@ def declare(options: argparse.Namespace) -> Access:
 
 
 def run(options: argparse.Namespace) -> int:
-    import json
     from dataclasses import asdict
 
-    from usdfoliage.jobs.info import describe_asset, format_info
+    from usdfoliage.asset.looks.plain import read_plain_look
+    from usdfoliage.cli.json_output import format_json
+    from usdfoliage.jobs.info import describe_asset, format_info, format_plain_look
 
+    plain = read_plain_look(options.asset)
+    if plain is not None:
+        print(format_json({**asdict(plain), "path": str(plain.path)}) if options.json else format_plain_look(plain))
+        return 0
     info = describe_asset(options.asset)
-    if options.json:
-        print(printable_json(json.dumps(asdict(info), indent=2, ensure_ascii=False)))
-    else:
-        print(format_info(info))
+    print(format_json(asdict(info)) if options.json else format_info(info))
     return 0

@@ -1,4 +1,4 @@
-"""The one JSON object that a command prints of what it made, in place of its lines."""
+"""The one JSON object that a command prints in place of its lines; docs/json_output.schema.json describes it."""
 
 import argparse
 import json
@@ -12,6 +12,10 @@ from usdfoliage.remarks import Remark
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.report.table import Row
+
+# The version of what commands print, in each object. It rises where a key goes or changes its meaning; a key that is
+# new changes nothing.
+SCHEMA_VERSION = 1
 
 
 def add_json(parser: argparse._ActionsContainer) -> None:
@@ -47,5 +51,5 @@ def list_made(
 
 
 def format_json(content: Mapping[str, object]) -> str:
-    """One JSON object as text."""
-    return printable_json(json.dumps(content, indent=2, ensure_ascii=False))
+    """One JSON object as text, with the version of its schema first."""
+    return printable_json(json.dumps({"schema": SCHEMA_VERSION, **content}, indent=2, ensure_ascii=False))

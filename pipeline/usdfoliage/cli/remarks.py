@@ -90,7 +90,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
     ),
     "bake": CommandOptions(arguments={"source": "--from"}),
     "export": CommandOptions(arguments={"shapes": "--shapes"}),
-    "edit": CommandOptions(arguments={"jitter": "--jitter"}),
+    "edit": CommandOptions(arguments={"jitter": "--jitter", "prim": "--prim"}),
     "scatter": CommandOptions(options={"plant.representations": "--representation"}),
 }
 

@@ -10,7 +10,6 @@ not exist. It is 3 if validation finds errors in the asset that the step publish
 """
 
 import argparse
-import json
 import re
 import sys
 from pathlib import Path
@@ -118,6 +117,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _plan(request: "BuildRequest", options: argparse.Namespace, lines: "OpenjdLines") -> int:
+    from usdfoliage.cli.json_output import format_json
     from usdfoliage.jobs.plant.farm_steps import list_steps, plan_step
     from usdfoliage.jobs.plant.run import plan_plant
 
@@ -131,7 +131,7 @@ def _plan(request: "BuildRequest", options: argparse.Namespace, lines: "OpenjdLi
             {"step": step.name, "chunks": step.chunks, "needs": step.needs, "estimate_s": round(step.estimate_s, 1)}
             for step in steps
         ]
-        print(json.dumps(listed, indent=1))
+        print(format_json({"steps": listed}))
     else:
         rows = [("step", "chunks", "needs"), *((s.name, str(s.chunks), ", ".join(s.needs)) for s in steps)]
         wide = max(len(row[0]) for row in rows)

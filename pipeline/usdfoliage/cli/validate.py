@@ -11,14 +11,13 @@ variant sets.
 """
 
 import argparse
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from usdfoliage.cli.json_output import add_json
+from usdfoliage.cli.json_output import add_json, format_json
 from usdfoliage.cli.options.access import reads_alone
-from usdfoliage.files.printable import printable, printable_json
+from usdfoliage.files.printable import printable
 from usdfoliage.files.write_gate import Access
 
 if TYPE_CHECKING:
@@ -101,4 +100,4 @@ def _as_json(report: "ValidationReport") -> str:
         "usdValidationNvidia": report.nvidia or None,
         "findings": [asdict(finding) for finding in report.findings],
     }
-    return printable_json(json.dumps(content, indent=2, ensure_ascii=False))
+    return format_json(content)

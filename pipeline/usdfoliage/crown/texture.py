@@ -42,6 +42,9 @@ class TextureSettings:
     usage_weight: float = 2.0  # how much dearer a place of the exemplar gets by every use
     near_weight: float = 2.0  # and by every use within two patches
     candidate_share: float = 1.0  # of all places, how many are tried for a patch
+    # Places on a grid that are tried for a patch at most, and then all around the best. A larger exemplar has a coarser
+    # grid, so that the time of a patch does not grow with it.
+    max_places: int = 4096
     cuts: int = 8  # of the places that match best, how many are compared by their seam
     threads: int = 0  # 0: one per core; the result does not depend on it
 
@@ -54,6 +57,7 @@ class TextureSettings:
             ("passes", 1),
             ("usage_weight", 0),
             ("near_weight", 0),
+            ("max_places", 1),
             ("cuts", 1),
             ("threads", 0),
         )

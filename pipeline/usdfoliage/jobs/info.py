@@ -6,11 +6,15 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pxr import Usd
 
 from usdfoliage.asset.locate import find_leaves, select_representation
 from usdfoliage.asset.look_layer import LOD, select_lod
+from usdfoliage.asset.looks.extents import extents_hold
 from usdfoliage.asset.looks.look import open_asset
+from usdfoliage.asset.looks.plain import PlainLook
 from usdfoliage.asset.materials.cubemap_exr import read_cubemap
+from usdfoliage.asset.materials.jitter_map import read_jitter_map
 from usdfoliage.asset.packages.contents import (
     AssetFile,
     CrownFacts,
@@ -26,7 +30,8 @@ from usdfoliage.asset.packages.contents import (
 )
 from usdfoliage.asset.packed_files import file_name, unpacked
 from usdfoliage.asset.parts.branches import read_skeleton
-from usdfoliage.asset.parts.leaves import ReadLeaves, read_leaves
+from usdfoliage.asset.parts.leaves import read_leaves
+from usdfoliage.errors import FoliageError
 from usdfoliage.files.printable import printable
 from usdfoliage.jobs.branches.measures import BranchInfo, branch_rows, measure_branches
 from usdfoliage.jobs.edits.edit import Value, changed_edits, show_value
@@ -70,6 +75,7 @@ class LeafInfo:
     residual_m: Spread | None
     views: int  # photographs in which some leaf was seen
     per_leaf: tuple[str, ...]  # what is known of each leaf besides its parameters
+    extents_hold: bool | None  # the edited leaves; None where that was not looked at
     origins: Mapping[str, int]  # leaves of each origin, as leaf.model.count_origins; empty where that is unknown
 
 
@@ -148,14 +154,20 @@ def describe_asset(asset: Path) -> AssetInfo:
         files=tuple(files),
         missing=tuple(missing),
         outside=tuple(outside_files(interface, (*layers, *files))),
-        leaves=_measure(read_leaves(prims[0])) if prims else None,
+        leaves=_measure(plant, prims[0]) if prims else None,
         crown=_measure_crown(read_crown_facts(crown)) if crown is not None else None,
         branches=measure_branches(read_skeleton(skeleton)) if skeleton is not None else None,
     )
 
 
-def _measure(read: ReadLeaves) -> LeafInfo:
-    return measure_leaves(read.leaves, read.edits, read.jitter_map)
+def _measure(plant: Usd.Prim, instancer: Usd.Prim) -> LeafInfo:
+    read = read_leaves(instancer)
+    try:
+        wave = None if read.jitter_map is None else read_jitter_map(read.jitter_map)
+    except FoliageError:  # it is missing, and `info` lists it so
+        return measure_leaves(read.leaves, read.edits, read.jitter_map)
+    hold = extents_hold(plant, instancer, read, wave)
+    return replace(measure_leaves(read.leaves, read.edits, read.jitter_map), extents_hold=hold)
 
 
 def _measure_crown(facts: CrownFacts) -> CrownInfo:
@@ -202,6 +214,7 @@ def measure_leaves(leaves: Leaves, edits: LeafEdits = NEUTRAL, jitter_map: Path 
         residual_m=_spread(leaves.residual_m),
         views=len(np.unique(seen)),
         per_leaf=tuple(name.removesuffix("_m") for name in known),
+        extents_hold=None,
         origins=count_origins(leaves),
     )
 
@@ -253,6 +266,17 @@ def format_info(info: AssetInfo) -> str:
     return "\n".join(lines)
 
 
+def format_plain_look(look: PlainLook) -> str:
+    """Lines for people, of a layer that was not written by usdfoliage."""
+    rows = [("look", f"{look.path}, made without usdfoliage")]
+    for path, edits in look.prims.items():
+        texts = [f"{name} {'is no number' if value is None else show_value(value)}" for name, value in edits.items()]
+        rows.append(("edits", f"{path}: {'; '.join(texts)}"))
+    advice = "`usdfoliage edit` takes this file as a look and writes one with those that the edits need"
+    rows.append(("extents", f"{'of the layer itself' if look.has_extents else 'none'}: {advice}"))
+    return "\n".join(printable(f"{name:<7}  {text}") for name, text in rows)
+
+
 def _leaf_rows(leaves: LeafInfo) -> list[tuple[str, str]]:
     rows = [("leaves", f"{leaves.count:,}")]
     if by_origin := describe_origins(leaves.origins):
@@ -262,6 +286,8 @@ def _leaf_rows(leaves: LeafInfo) -> list[tuple[str, str]]:
         rows.append(("area", f"{leaves.area_m2:.4g} m²"))
     edits = "; ".join(f"{name} {show_value(value)}" for name, value in leaves.edits.items())
     rows.append(("edits", edits or "none"))
+    if leaves.extents_hold is False:
+        rows.append(("extents", "too small for these edits: `usdfoliage edit` takes this look and writes wider ones"))
     if leaves.jitter_map:
         rows.append(("jitter map", leaves.jitter_map))
     if leaves.confidence is not None:

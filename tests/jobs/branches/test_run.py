@@ -15,6 +15,7 @@ from usdfoliage.jobs.branches.run import BranchesRequest, make_branches_asset
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots, read_unit, read_up
 
 from tests.support.cloud_files import write_ply
+from tests.support.commands.json_output import read_output
 
 HEIGHT_M, RADIUS_M, ARM_M = 2.0, 0.04, 0.02
 
@@ -73,10 +74,12 @@ def test_a_tree_in_a_text_file_becomes_an_asset_that_lies_over_it(tmp_path, rng)
     assert (tmp_path / "out" / "report" / "index.html").is_file()
 
 
-def test_the_same_cloud_makes_the_same_bytes(tmp_path, rng):
+def test_the_same_cloud_makes_the_same_bytes(tmp_path, rng, capsys):
     cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng))
-    for name in ("one", "two"):
-        assert main(["branches", str(cloud), "-o", str(tmp_path / name), "--name", "tree", "--no-preview"]) == 0
+    for name, words in (("one", ()), ("two", ("--json",))):
+        capsys.readouterr()
+        assert main(["branches", str(cloud), "-o", str(tmp_path / name), "--name", "tree", "--no-preview", *words]) == 0
+    assert read_output("branches", capsys.readouterr().out)["asset"] == str(tmp_path / "two" / "tree.usda")
     for layer in ("skeleton.usdc", "branches.usdc"):
         first, second = (tmp_path / name / "payload" / layer for name in ("one", "two"))
         assert first.read_bytes() == second.read_bytes()

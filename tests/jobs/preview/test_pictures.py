@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from usdfoliage.__main__ import main
 from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.preview import pictures as preview
 from usdfoliage.jobs.preview import recorder
@@ -166,6 +167,24 @@ def test_a_hanging_interpreter_is_ended(interpreter, scene, tmp_path):
         draw_views(scene, one_view(tmp_path), PreviewSettings(stall_timeout_s=0.5))
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "pid").read_text()), 0)
+
+
+def test_a_preview_beyond_its_time_limit_ends_with_2(interpreter, scene, tmp_path, capsys, monkeypatch):
+    follow = recorder._follow_progress
+    monkeypatch.setattr(recorder, "_follow_progress", lambda process, _, progress: follow(process, 0.5, progress))
+    interpreter("exec sleep 60")
+    assert main(["preview", str(scene), "-o", str(tmp_path / "a.png")]) == 2
+    complaints = capsys.readouterr().err.strip().splitlines()
+    assert len(complaints) == 1
+    assert complaints[0].startswith("error: Storm drew no picture within 0.5 s")
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_an_interpreter_that_closes_its_output_and_goes_on_is_ended(interpreter, scene, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(recorder, "_TO_END_S", 0.5)
+    interpreter("exec >&- 2>&-; exec sleep 60")
+    assert main(["preview", str(scene), "-o", str(tmp_path / "a.png")]) == 2
+    assert capsys.readouterr().err.startswith("error: ")
 
 
 def test_an_interpreter_that_cannot_be_executed(tmp_path, monkeypatch, scene):

@@ -17,6 +17,7 @@ def place_patches(exemplar, valid, source, color, known, patch, overlap, share, 
         usage_weight=1.0,
         near_weight=1.0,
         candidate_share=share,
+        max_places=1 << 20,
         cuts=cuts,
         seed=seed,
     )

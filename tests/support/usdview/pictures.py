@@ -1,7 +1,7 @@
 """Pictures as usdview draws them: Storm's engine with a light at the eye, and with what is selected shown.
 
-Run by the preview's interpreter: pictures.py REQUEST.json, with asset, picture (an .npy file), width_px, and
-selected: None, the path of a prim, or that and the number of an instance.
+Run by the preview's interpreter: pictures.py REQUEST.json, with asset, picture (an .npy file), width_px,
+selected: None, the path of a prim, or that and the number of an instance, and guides: those that the panel shows.
 """
 
 import ctypes
@@ -13,18 +13,30 @@ from pathlib import Path
 
 import numpy as np
 
-HYDRA_PREVIEW = Path(__file__).parents[3] / "hydra_preview"
+ROOT = Path(__file__).parents[3]
 GREY = 0.3  # of the background, linear
 
 
 def draw_as_usdview(
-    python: Path, asset: Path, picture: Path, width_px: int = 240, selected: tuple[str, int | None] | None = None
+    python: Path,
+    asset: Path,
+    picture: Path,
+    width_px: int = 240,
+    selected: tuple[str, int | None] | None = None,
+    guides: tuple[str, ...] = (),
 ) -> np.ndarray:
     """(H, W, 3) uint8, sRGB, the asset from a corner; python is the preview's interpreter."""
     from usdfoliage.jobs.preview.recorder import recorder_environment  # that interpreter has no usdfoliage
 
-    request = {"asset": str(asset), "picture": str(picture), "width_px": width_px, "selected": selected}
-    environment = {**recorder_environment(picture.parent), "PYTHONPATH": str(HYDRA_PREVIEW)}
+    request = {
+        "asset": str(asset),
+        "picture": str(picture),
+        "width_px": width_px,
+        "selected": selected,
+        "guides": guides,
+    }
+    modules = os.pathsep.join(str(ROOT / name) for name in ("hydra_preview", "usd_plugins"))
+    environment = {**recorder_environment(picture.parent), "PYTHONPATH": modules}
     run = [str(python), __file__, json.dumps(request)]
     outcome = subprocess.run(run, env=environment, capture_output=True, text=True, check=False)
     assert outcome.returncode == 0, outcome.stderr
@@ -60,6 +72,10 @@ def _draw(request: dict) -> None:
 
     side, time = request["width_px"], Usd.TimeCode.Default()
     stage = Usd.Stage.Open(request["asset"])
+    if request["guides"]:
+        from usdviewFoliage.plants import show_guides
+
+        show_guides(stage, set(request["guides"]))
     shape = measure_shape(stage, time, ["default", "render"])
     frustum = frame_perspective(shape, Direction(azimuth_rad=0.6, elevation_rad=0.3), False, side, side, None).frustum
     gl = _bind_buffer(side)
@@ -77,6 +93,7 @@ def _draw(request: dict) -> None:
     parameters.complexity = 1.1
     parameters.enableLighting = parameters.highlight = True
     parameters.colorCorrectionMode = "sRGB"
+    parameters.showGuides = bool(request["guides"])
     parameters.clearColor = Gf.Vec4f(GREY, GREY, GREY, 1)
     engine.Render(stage.GetPseudoRoot(), parameters)
     if request["selected"] is not None:  # of what was drawn before: the engine knows no other

@@ -91,6 +91,12 @@ def reopen(api, window, asset, application):
     return {"closed": closed, "widths": widths, "same_product": panel.host.product is before}
 
 
+def helpers():
+    """How many processes this one has started that still run."""
+    tasks = Path(f"/proc/{os.getpid()}/task").glob("*/children")
+    return sum(len(children.read_text(encoding="ascii").split()) for children in tasks)
+
+
 def main(asset, folder):
     application = QtWidgets.QApplication(["usdview"])
     stage, window, seen = Usd.Stage.Open(asset), QtWidgets.QMainWindow(), {}
@@ -122,6 +128,7 @@ def main(asset, folder):
     dock = window.findChild(QtWidgets.QDockWidget, "usdviewFoliage")
     panel = dock.widget()
     seen["panel"] = not dock.isHidden()
+    seen["sentence"] = panel.reason.text()
     seen["boxes"] = sorted(panel.variant_boxes)
     seen["product"] = api.messages and panel.host.product is not None
     seen["curves"] = len(panel.drawing.curves)
@@ -138,16 +145,16 @@ def main(asset, folder):
     except Exception as error:  # noqa: BLE001
         seen["refused"] = str(error)
     panel.show_box.setChecked(False)
-    seen["hidden"] = [width(), panel.sliders.boxes["Shape", "width"].value()]
+    seen["hidden"] = [width(), panel.sliders.boxes["Shape", "width"].value(), panel.reason.text()]
     panel.show_box.setChecked(True)
-    seen["visible"] = [width(), panel.sliders.boxes["Shape", "width"].value()]
+    seen["visible"] = [width(), panel.sliders.boxes["Shape", "width"].value(), panel.reason.text()]
     panel.variant_boxes["representation"].setCurrentText("subdiv")
     panel.variant_boxes["representation"].activated.emit(0)
     seen["subdiv"] = [selected("representation"), panel.sliders.isEnabled(), panel.reason.text()]
     run("representation.bezier")
     seen["back"] = [panel.sliders.isEnabled(), width()]
     run("reset")
-    seen["reset"] = [width(), panel.sliders.boxes["Shape", "width"].value()]
+    seen["reset"] = [width(), panel.sliders.boxes["Shape", "width"].value(), api.messages[-1]]
 
     panel.sliders.boxes["Shape", "width"].setValue(1.5)
     stage.GetSessionLayer().Export(str(Path(folder) / "overrides.usda"))  # what "Save Overrides As" writes
@@ -163,13 +170,16 @@ def main(asset, folder):
     guide = UsdGeom.Scope.Define(stage, plant.GetPath().AppendPath("geo/guide/Skeleton"))
     panel.refresh()
     run("guide.Skeleton")
-    seen["guide"] = [api.dataModel.viewSettings.displayGuide, guide.ComputeVisibility()]
+    seen["guide"] = [api.dataModel.viewSettings.displayGuide, guide.ComputeVisibility(), api.messages[-1]]
     run("guide.Skeleton")
-    seen["no_guide"] = [api.dataModel.viewSettings.displayGuide]
+    seen["no_guide"] = [api.dataModel.viewSettings.displayGuide, api.messages[-1]]
     run("guide.Cloud")
     seen["no_cloud"] = api.messages[-1]
     seen["untouched"] = not any(layer.dirty for layer in stage.GetUsedLayers() if not layer.anonymous)
     seen["again"] = reopen(api, window, asset, application)
+    for _ in range(3):
+        run("panel")
+    seen["helpers"] = helpers()
     print(json.dumps(seen))
     sys.stdout.flush()
     os._exit(0)  # Blender's clean-up may crash

@@ -42,5 +42,21 @@ def author_wider_extents(
     widen_extents(stage, path, plant, instancer, _range(in_leaf_space), _range(among_leaves))
 
 
+def extents_hold(
+    plant: Usd.Prim, instancer: Usd.Prim, read: ReadLeaves, jitter_map: NDArray[np.float64] | None
+) -> bool:
+    """Whether the extents that a composed plant has hold its leaves as its edits make them.
+
+    Args:
+        plant: Composed, with whatever edits it.
+        instancer: Its leaves.
+        read: What there is of them, with their edits.
+        jitter_map: (M,), None for procedural jitter.
+    """
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    author_wider_extents(Usd.Stage.Open(layer), plant.GetPath(), plant, instancer, read, read.edits, jitter_map)
+    return not layer.rootPrims
+
+
 def _range(bounds: NDArray[np.float64]) -> Gf.Range3d:
     return Gf.Range3d(Gf.Vec3d(*bounds[0].tolist()), Gf.Vec3d(*bounds[1].tolist()))

@@ -60,7 +60,8 @@ def author_skeleton(stage: Usd.Stage, path: Sdf.Path, prim: SkeletonPrim) -> Usd
     curves.SetWidthsInterpolation(UsdGeom.Tokens.vertex)
     curves.CreateExtentAttr(UsdGeom.Curves.ComputeExtent(points, widths))
     share = np.linspace(0, 1, int(skeleton.order.max()) + 1)
-    shade = np.column_stack([0.25 + 0.75 * share, 0.85 - 0.5 * share, np.full(len(share), 0.2)])
+    # From blue to orange, for green lines are not seen among leaves.
+    shade = np.column_stack([0.05 + 0.95 * share, np.full(len(share), 0.4), 1.0 - 0.95 * share])
     color = UsdGeom.PrimvarsAPI(curves).CreatePrimvar(
         "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.uniform
     )

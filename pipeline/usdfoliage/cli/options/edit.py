@@ -8,7 +8,7 @@ from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.edits.edit import EditRequest
 from usdfoliage.leaf.shape.edits import LeafEdits, Vector
 
-EDIT_OPTIONS = ("width", "asymmetry", "axis1", "axis2", "bend", "silhouette", "curl", "jitter", "jitter_map")
+EDIT_OPTIONS = ("width", "asymmetry", "axis1", "axis2", "bend", "silhouette", "curl", "jitter", "jitter_map", "look")
 
 
 def read_edit_request(options: argparse.Namespace) -> EditRequest:
@@ -25,6 +25,7 @@ def read_edit_request(options: argparse.Namespace) -> EditRequest:
         jitter_map=options.jitter_map,
         prim=options.prim,
         force=options.force,
+        look=options.look,
     )
 
 

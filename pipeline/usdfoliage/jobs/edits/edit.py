@@ -7,10 +7,11 @@ import numpy as np
 
 from usdfoliage.asset.locate import require_leaves, select_representation
 from usdfoliage.asset.looks.look import check_look_output, open_asset, write_look_layer
+from usdfoliage.asset.looks.plain import open_under_layer
 from usdfoliage.asset.materials.jitter_map import read_jitter_map
 from usdfoliage.asset.packages.contents import interface_of, prototype_segments, representations, require_plant
-from usdfoliage.asset.parts.leaf_primvars import read_edits
-from usdfoliage.errors import FoliageError
+from usdfoliage.asset.parts.leaf_primvars import read_edits, read_jitter_map_path
+from usdfoliage.errors import AssetError, FoliageError
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits, Vector, compose_edits, jitter_silhouette
 from usdfoliage.leaf.shape.mesh import MAX_SEGMENTS
 from usdfoliage.remarks import Argument, Remark, remark
@@ -32,6 +33,7 @@ class EditRequest:
     jitter_map: Path | None
     prim: str | None
     force: bool = False
+    look: Path | None = None  # a layer whose edits are taken, whoever wrote it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +56,7 @@ class PlannedLook:
     prim: str | None
     changes: tuple[Change, ...]  # against what ASSET shows
     remarks: tuple[Remark, ...]
+    jitter_map: Path | None = None  # None: that of the asset stays
 
 
 def plan_look(request: EditRequest) -> PlannedLook:
@@ -71,8 +74,20 @@ def plan_look(request: EditRequest) -> PlannedLook:
         select_representation(stage, "bezier")
     leaves = require_leaves(stage, request.asset)
     before = read_edits(leaves[0])
+    start, jitter_map = before, request.jitter_map
+    if request.look is not None:
+        under = open_under_layer(request.asset, request.look, request.prim)
+        taken = require_leaves(under, request.asset)[0]
+        start = read_edits(taken)
+        own_map, taken_map = read_jitter_map_path(leaves[0]), read_jitter_map_path(taken)
+        if start == before and taken_map == own_map:
+            raise AssetError(
+                f"{request.look} edits no leaves of {request.asset}",
+                ("name the asset that it is made for, or with ", Argument(name="prim"), " the placement that it edits"),
+            )
+        jitter_map = jitter_map or (taken_map if taken_map != own_map else None)
     try:
-        after = compose_edits(before, request.edits)
+        after = compose_edits(start, request.edits)
     except ValueError as error:
         raise FoliageError(f"{error}; the asset has edits already") from error
     after = jitter_silhouette(
@@ -80,7 +95,7 @@ def plan_look(request: EditRequest) -> PlannedLook:
         *(
             (request.edits.jitter_amplitude, request.edits.jitter_frequency)
             if request.sets_jitter
-            else (before.jitter_amplitude, before.jitter_frequency)
+            else (start.jitter_amplitude, start.jitter_frequency)
         ),
     )
     _check_range(after, request.asset)
@@ -94,12 +109,12 @@ def plan_look(request: EditRequest) -> PlannedLook:
         text = "the jitter map shows nothing while the amplitude is 0"
         remedy = ("give ", Argument(name="jitter", value="A F"), " too")
         remarks.append(remark("jitter-map-without-jitter", text, remedy=remedy))
-    if not changes and request.jitter_map is None:
+    if not changes and jitter_map is None:
         text = "these edits change nothing: the asset has them already, or they are neutral"
         remarks.append(remark("edits-change-nothing", text))
     remarks += _check_jitter(after, prototype_segments(leaves[0]))
     prim = request.prim if request.prim is not None or look is None else look.prim_path or None
-    return PlannedLook(edits=after, prim=prim, changes=changes, remarks=tuple(remarks))
+    return PlannedLook(edits=after, prim=prim, changes=changes, remarks=tuple(remarks), jitter_map=jitter_map)
 
 
 def write_look(request: EditRequest) -> PlannedLook:
@@ -110,7 +125,7 @@ def write_look(request: EditRequest) -> PlannedLook:
     """
     planned = plan_look(request)
     write_look_layer(
-        request.output, request.asset, planned.edits, request.jitter_map, planned.prim, force=request.force
+        request.output, request.asset, planned.edits, planned.jitter_map, planned.prim, force=request.force
     )
     return planned
 

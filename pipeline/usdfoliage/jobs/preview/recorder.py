@@ -3,6 +3,7 @@
 hydra_preview/README.md describes request and result.
 """
 
+import contextlib
 import json
 import logging
 import os
@@ -22,6 +23,8 @@ from usdfoliage.files.children import bound_command
 from usdfoliage.progress import Progress
 
 logger = logging.getLogger(__name__)
+
+_TO_END_S = 60.0  # after it has closed its output
 
 REPOSITORY = Path(__file__).resolve().parents[4]
 INTERPRETER_VARIABLE = "USDFOLIAGE_HYDRA_PYTHON"
@@ -157,7 +160,8 @@ def _follow_progress(process: subprocess.Popen[bytes], stall_timeout_s: float, p
                     deadline = time.monotonic() + stall_timeout_s
                     if progress is not None:
                         progress(int(frame[1]), int(frame[2]))
-    process.wait(timeout=60)
+    with contextlib.suppress(subprocess.TimeoutExpired):  # who called ends it; what it has written counts
+        process.wait(timeout=_TO_END_S)
 
 
 # Lines that mean an undrawn prim, and lines that mean nothing to anybody.
