@@ -15,6 +15,7 @@ from pathlib import Path
 # extent reaches beyond what is not displaced, for along a slant less of a displacement shows.
 GROWTH = 0.25
 EXCESSES = 2.0
+MANY_PRIMS = 200  # that are measured by their points; of more, by their boxes
 SAMPLES = 4  # of a pixel, where the request names none: Storm's own
 
 
@@ -247,18 +248,23 @@ def measure_shape(stage, time, purposes: list[str]):
 
     bound = compute_bound(stage, time, purposes)
     cache = UsdGeom.BBoxCache(time, purposes, useExtentsHint=False)
-    corners = []
+    drawn = []
     prims = iter(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
     for prim in prims:
-        if not prim.IsA(UsdGeom.Boundable):
+        has_cards = prim.GetAttribute("model:drawMode").Get(time) == UsdGeom.Tokens.cards
+        if not (has_cards or prim.IsA(UsdGeom.Boundable)):
             continue
         prims.PruneChildren()  # what is below an instancer are its prototypes
-        if UsdGeom.Imageable(prim).ComputeVisibility(time) == UsdGeom.Tokens.invisible:
-            continue
+        if UsdGeom.Imageable(prim).ComputeVisibility(time) != UsdGeom.Tokens.invisible:
+            drawn.append((prim, has_cards))
+    corners = []
+    for prim, has_cards in drawn:
         world = cache.ComputeWorldBound(prim).ComputeAlignedRange()
         if world.IsEmpty():  # of another purpose, or without geometry
             continue
-        if prim.IsA(UsdGeom.Mesh):
+        if has_cards or len(drawn) > MANY_PRIMS:  # a little of each box may be empty, which then shows no more
+            corners.extend(world.GetCorner(i) for i in range(8))
+        elif prim.IsA(UsdGeom.Mesh):
             corners.extend(mesh_corners(prim, cache, time))
         elif prim.IsA(UsdGeom.PointInstancer):
             corners.extend(instancer_corners(prim, cache, time))
@@ -345,7 +351,7 @@ def record_views(request: dict) -> dict:
     """Draw every view to its EXR (linear, premultiplied alpha); returns the result but for the versions."""
     from lighting import PREVIEW_ROOT, author_lights, author_sky, has_lights
     from pxr import Sdf, Tf, Usd, UsdAppUtils, UsdGeom
-    from weight import choose_complexity, choose_scale, weigh
+    from weight import MAX_TRIANGLES, choose_complexity, choose_scale, draw_lighter, weigh
 
     stage = open_stage(request["usd_file"], request.get("muted", []), request.get("variants", {}))
     time = Usd.TimeCode(stage.GetStartTimeCode()) if stage.HasAuthoredTimeCodeRange() else Usd.TimeCode.Default()
@@ -355,6 +361,10 @@ def record_views(request: dict) -> dict:
     cameras = view_cameras(stage, time, request)
     lit = has_lights(stage)
     weight = weigh(stage, time, request["purposes"])
+    lighter = ""
+    if weight.drawn(0) > MAX_TRIANGLES and "lod" not in request.get("variants", {}):
+        lighter = draw_lighter(stage)
+        weight = weigh(stage, time, request["purposes"])
     complexity = choose_complexity(weight, request["complexity"])
     scale = request.get("scale")
     if scale is None:
@@ -403,6 +413,7 @@ def record_views(request: dict) -> dict:
         "complexity": complexity,
         "scale": scale,
         "triangles": weight.drawn(0),
+        "lighter": lighter,
     }
 
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 MAX_FACES = 4_000_000  # of refined subdivision surfaces, that Storm is given at once
 MANY = 1_000_000  # triangles, from which on a larger picture costs less than several samples of a pixel
+MAX_TRIANGLES = 20_000_000  # beyond them plants are drawn in a lighter form
+CARD_TRIANGLES = 12
 MAX_SIDE_PX = 8192
 MAX_PIXELS = 1 << 25
 REFINED_BY = 0.1  # of complexity, a level: each divides a face into four
@@ -48,6 +50,8 @@ def weigh(stage, time, purposes: list[str]) -> Weight:
                 return Weight()
             if prim.IsA(UsdGeom.Gprim) and imageable.ComputePurpose() not in purposes:
                 return Weight()
+        if prim.HasAPI(UsdGeom.ModelAPI) and prim.GetAttribute("model:drawMode").Get(time) == UsdGeom.Tokens.cards:
+            return Weight(triangles=CARD_TRIANGLES)
         if prim.IsInstance():
             return of_prototype(prim.GetPrototype())
         if prim.IsA(UsdGeom.PointInstancer):
@@ -97,3 +101,34 @@ def choose_scale(weight: Weight, complexity: float, samples: int, sizes_px: list
         return 1
     fits = all(scale * max(size) <= MAX_SIDE_PX and scale**2 * size[0] * size[1] <= MAX_PIXELS for size in sizes_px)
     return scale if fits else 1
+
+
+def draw_lighter(stage) -> str:
+    """Draw every plant of a stage as its cards, or as its crown where none has cards; returns as what, or nothing.
+
+    A plant alone is looked at from near: it is drawn as its crown, or as it is. Opinions go to the stage's edit target.
+    """
+    from pxr import Sdf, Usd
+
+    found = [prim for prim in stage.Traverse() if prim.GetAttribute("model:cardTextureXPos").HasAuthoredValue()]
+    if not found or found == [stage.GetDefaultPrim()]:
+        return _draw_crowns(stage)
+    # Cards are drawn of models, whose parents are groups.
+    above = {path for prim in found for path in prim.GetPath().GetParentPath().GetPrefixes()}
+    groups = [path for path in above if not Usd.ModelAPI(stage.GetPrimAtPath(path)).IsGroup()]
+    layer = stage.GetEditTarget().GetLayer()
+    with Sdf.ChangeBlock():  # else the stage is composed anew for each of thousands of plants
+        for prim in found:
+            spec = Sdf.CreatePrimInLayer(layer, prim.GetPath())
+            mode = Sdf.AttributeSpec(spec, "model:drawMode", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform)
+            mode.default = "cards"
+        for path in groups:
+            Sdf.CreatePrimInLayer(layer, path).kind = "group"
+    return "cards"
+
+
+def _draw_crowns(stage) -> str:
+    with_crown = [prim.GetPath() for prim in stage.Traverse() if "crown" in prim.GetVariantSet("lod").GetVariantNames()]
+    for path in with_crown:
+        stage.GetPrimAtPath(path).GetVariantSet("lod").SetVariantSelection("crown")
+    return "crown" if with_crown else ""

@@ -2,7 +2,7 @@
 
 import pytest
 from pxr import Gf, Usd, UsdGeom, Vt
-from weight import MAX_FACES, Weight, choose_complexity, choose_scale, weigh
+from weight import CARD_TRIANGLES, MAX_FACES, Weight, choose_complexity, choose_scale, draw_lighter, weigh
 
 PURPOSES = ["default", "render"]
 
@@ -74,3 +74,62 @@ def test_pictures_of_much_are_larger_where_they_may_be():
     assert choose_scale(much, 1.1, 9, [(960, 960)]) == 3
     assert choose_scale(much, 1.1, 1, [(960, 960)]) == 1
     assert choose_scale(much, 1.1, 4, [(960, 960), (4097, 16)]) == 1
+
+
+def plant_stage(*, cards, crown):
+    """A stage of one plant, of 400 triangles or with a crown of 10."""
+    stage = Usd.Stage.CreateInMemory()
+    plant = UsdGeom.Xform.Define(stage, "/Plant").GetPrim()
+    stage.SetDefaultPrim(plant)
+    Usd.ModelAPI(plant).SetKind("component")
+    model = UsdGeom.ModelAPI.Apply(plant)
+    if cards:
+        model.CreateModelCardTextureXPosAttr("./x.png")
+    lods = plant.GetVariantSets().AddVariantSet("lod")
+    for name, quads in (("leaves", 200), *((("crown", 5),) if crown else ())):
+        lods.AddVariant(name)
+        lods.SetVariantSelection(name)
+        with lods.GetVariantEditContext():
+            add_mesh(stage, "/Plant/Mesh", quads)
+    lods.SetVariantSelection("leaves")
+    return stage
+
+
+def scene_of(plant, count):
+    scene = Usd.Stage.CreateInMemory()
+    for number in range(count):
+        prim = scene.DefinePrim(f"/Set/Row/Plant_{number}", "Xform")
+        prim.GetReferences().AddReference(plant.GetRootLayer().identifier)
+        prim.SetInstanceable(True)
+    return scene
+
+
+def test_plants_of_a_scene_are_drawn_as_their_cards():
+    plant = plant_stage(cards=True, crown=True)
+    scene = scene_of(plant, 3)
+    assert weight_of(scene) == Weight(triangles=3 * 400)
+    assert draw_lighter(scene) == "cards"
+    assert weight_of(scene) == Weight(triangles=3 * CARD_TRIANGLES)
+    for number in range(3):
+        prim = scene.GetPrimAtPath(f"/Set/Row/Plant_{number}")
+        assert prim.IsModel()  # else they would not be drawn as cards
+        assert UsdGeom.ModelAPI(prim).ComputeModelDrawMode() == "cards"
+    assert (
+        scene.GetPrimAtPath("/Set/Row/Plant_0").GetPrototype() == scene.GetPrimAtPath("/Set/Row/Plant_2").GetPrototype()
+    )
+
+
+def test_plants_without_cards_and_a_plant_alone_are_drawn_as_their_crown():
+    scene = scene_of(plant_stage(cards=False, crown=True), 3)
+    assert draw_lighter(scene) == "crown"
+    assert weight_of(scene) == Weight(triangles=3 * 10)
+    alone = plant_stage(cards=True, crown=True)
+    assert draw_lighter(alone) == "crown"
+    assert weight_of(alone) == Weight(triangles=10)
+
+
+def test_what_has_no_lighter_form_is_drawn_as_it_is():
+    plant = plant_stage(cards=True, crown=False)
+    assert draw_lighter(plant) == ""
+    assert weight_of(plant) == Weight(triangles=400)
+    assert draw_lighter(scene_of(plant_stage(cards=False, crown=False), 2)) == ""

@@ -233,6 +233,12 @@ def draw_views(
             settings.complexity,
             usd_file,
         )
+    if result["lighter"]:
+        logger.warning(
+            "there is so much to draw that plants are drawn as their %s; select a variant of lod for another form (%s)",
+            result["lighter"],
+            usd_file,
+        )
     scale = result["scale"]
     for number, (view, picture) in enumerate(zip(views, pictures, strict=True)):
         expected = (*(scale * side for side in _drawn_px(view, settings)[::-1]), 4)
