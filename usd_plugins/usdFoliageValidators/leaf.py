@@ -25,6 +25,7 @@ FACTS = (
 PACKED = "primvars:leaf:packed"
 PACKED_OF = (("axis2", 2048.0), ("inner", 2048.0), ("outer", 2048.0))
 PACKED_PHASE = 512.0
+PACKED_AFTER = (("axis1", 2048.0), ("silhouette1", 2048.0))  # the phase
 PACKED_PERIOD = 64.0
 
 
@@ -195,15 +196,20 @@ def _check_packed(prim: Usd.Prim, leaves: int, parameters: dict[str, NDArray[np.
     findings = _check_interpolation(prim, PACKED, "constant")
     if not leaves and not len(packed):
         return findings
-    if len(packed) != 1 + 10 * leaves or packed[0] != leaves:
+    # Assets of earlier versions have ten numbers a leaf, and shaders that read the others elsewhere.
+    if len(packed) not in (1 + 16 * leaves, 1 + 10 * leaves) or packed[0] != leaves:
         text = f"has {len(packed)} elements for {packed[0] if len(packed) else 0:g} leaves; "
-        text += f"{1 + 10 * leaves} are needed, for {leaves}; {remedy}"
+        text += f"{1 + 16 * leaves} are needed, for {leaves}; {remedy}"
         return [*findings, error(prim, "LeafPackedLength", text, PACKED)]
     phase = values.numbers(prim, "primvars:leaf:phase") if values.is_authored(prim, "primvars:leaf:phase") else None
     turns = (np.zeros(leaves) if phase is None else phase % PACKED_PERIOD) * PACKED_PHASE
-    expected = np.column_stack([*(parameters[name] * factor for name, factor in PACKED_OF), turns])
-    wrong = ~(np.abs(packed[1:].reshape(10, leaves).T - expected) <= 1.0).all(axis=1)
+    if not leaves:
+        return findings
+    after = [parameters[name] * factor for name, factor in PACKED_AFTER]
+    expected = np.column_stack([*(parameters[name] * factor for name, factor in PACKED_OF), turns, *after])
+    found = packed[1:].reshape(-1, leaves).T
+    wrong = ~(np.abs(found - expected[:, : found.shape[1]]) <= 1.0).all(axis=1)
     if wrong.any():
-        text = f"differs from axis2, inner, outer or phase in {count(wrong, 'leaves')}: Storm draws others; {remedy}"
+        text = f"differs from the arrays that it is a copy of in {count(wrong, 'leaves')}: Storm draws others; {remedy}"
         findings.append(error(prim, "LeafPackedDiffers", text, PACKED))
     return findings

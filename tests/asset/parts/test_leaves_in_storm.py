@@ -7,6 +7,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdValidation
+from scipy.spatial.transform import Rotation
 from usdfoliage.asset.materials.leaf import LeafMaterial, author_leaf_material, pack_leaves
 from usdfoliage.asset.parts.leaf_primvars import author_edits, author_leaf_primvars
 from usdfoliage.errors import PreviewError
@@ -81,6 +82,19 @@ def jitter_map(tmp_path_factory):
     return path
 
 
+def repeat_once(stage, path, plant):
+    """Place a plant by a PointInstancer, where the others of its kind are placed by transforms."""
+    instancer = UsdGeom.PointInstancer.Define(stage, path)
+    prototype = UsdGeom.Xform.Define(stage, f"{path}/Prototypes/Plant")
+    prototype.GetPrim().GetReferences().AddInternalReference(plant)
+    instancer.CreatePrototypesRel().SetTargets([prototype.GetPath()])
+    instancer.CreateProtoIndicesAttr([0])
+    instancer.CreatePositionsAttr([Gf.Vec3f(0.1, 0.2, 0.0)])
+    x, y, z, w = map(float, Rotation.from_euler("xyz", [20, 130, 35], degrees=True).as_quat())
+    instancer.CreateOrientationsfAttr([Gf.Quatf(w, x, y, z)])
+    instancer.CreateScalesAttr([Gf.Vec3f(-0.9, 1.2, 0.7)])
+
+
 @pytest.fixture(scope="module")
 def pairs(tmp_path_factory, jitter_map):
     """Pictures (of the instancer, of the mesh) of every scene, from the front and from the back."""
@@ -96,6 +110,7 @@ def pairs(tmp_path_factory, jitter_map):
         "jitter map heap": Scene(leaves=many, edits=JITTERED, jitter_map=jitter_map),
         "nested": Scene(leaves=many, edits=JITTERED),
         "instance": Scene(leaves=many, edits=JITTERED),
+        "point instancer": Scene(leaves=many, edits=JITTERED),
     }
     file = tmp_path_factory.mktemp("storm") / "pairs.usda"
     stage = new_stage(file)
@@ -109,7 +124,7 @@ def pairs(tmp_path_factory, jitter_map):
             places.append(x)
             path = f"/Place_{number}_{form}"
             move(stage, path, x)
-            if name not in ("nested", "instance"):
+            if name not in ("nested", "instance", "point instancer"):
                 author(stage, f"{path}/Leaves", scene, material)
                 continue
             plant = stage.CreateClassPrim(f"/_Plant_{number}_{form}")
@@ -118,6 +133,9 @@ def pairs(tmp_path_factory, jitter_map):
             plant.SetSpecifier(Sdf.SpecifierClass)
             if form == 0:  # OpenGL has few storage buffers, and this takes one more
                 color_leaves(stage.GetPrimAtPath(f"{plant.GetPath()}/Leaves"), [COLOR] * len(many))
+            if name == "point instancer" and form == 0:
+                repeat_once(stage, f"{path}/Plants", plant.GetPath())
+                continue
             placed = UsdGeom.Xform.Define(stage, f"{path}/Plant")
             placed.AddTranslateOp().Set(Gf.Vec3d(0.1, 0.2, 0.0))
             placed.AddRotateXYZOp().Set(Gf.Vec3f(20, 130, 35))
@@ -145,6 +163,7 @@ SCENES = (
     "jitter map heap",
     "nested",
     "instance",
+    "point instancer",
 )
 
 
@@ -309,8 +328,8 @@ def test_packed_leaves_are_whole_numbers_near_enough():
     packed = pack_leaves(leaves)
     np.testing.assert_array_equal(packed, np.round(packed))
     assert packed[0] == len(leaves)
-    numbers = packed[1:].reshape(10, len(leaves)).T
-    for first, row in ((0, 1), (3, 5), (6, 6)):
+    numbers = packed[1:].reshape(16, len(leaves)).T
+    for first, row in ((0, 1), (3, 5), (6, 6), (10, 0), (13, 2)):
         np.testing.assert_allclose(numbers[:, first : first + 3] / 2048, leaves.parameters[:, row], atol=2.5e-4)
     np.testing.assert_allclose(numbers[:, 9] / 512, leaves.phase % PERIOD, atol=1e-3)
 
