@@ -50,3 +50,7 @@ class WriteError(AssetError):
 
 class PreviewError(FoliageError):
     """The preview interpreter or its OpenGL is missing or failed."""
+
+
+class PreviewTimeoutError(PreviewError):
+    """Storm did not draw within its time."""

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.__main__ import main
-from usdfoliage.errors import PreviewError
+from usdfoliage.errors import PreviewError, PreviewTimeoutError
 from usdfoliage.jobs.preview import pictures as preview
 from usdfoliage.jobs.preview import recorder
 from usdfoliage.jobs.preview.pictures import (
@@ -169,9 +169,16 @@ def test_a_hanging_interpreter_is_ended(interpreter, scene, tmp_path):
         os.kill(int((tmp_path / "pid").read_text()), 0)
 
 
+def test_pictures_that_come_too_slowly_are_ended_by_the_limit_for_all_of_them(interpreter, scene, tmp_path):
+    interpreter('while true; do echo "usdfoliage-frame 1 9"; sleep 0.1; done')
+    settings = PreviewSettings(stall_timeout_s=30.0, time_limit_s=1.0)
+    with pytest.raises(PreviewTimeoutError, match=r"not all pictures within 1 s"):
+        draw_views(scene, one_view(tmp_path), settings)
+
+
 def test_a_preview_beyond_its_time_limit_ends_with_2(interpreter, scene, tmp_path, capsys, monkeypatch):
     follow = recorder._follow_progress
-    monkeypatch.setattr(recorder, "_follow_progress", lambda process, _, progress: follow(process, 0.5, progress))
+    monkeypatch.setattr(recorder, "_follow_progress", lambda process, _, *rest: follow(process, 0.5, *rest))
     interpreter("exec sleep 60")
     assert main(["preview", str(scene), "-o", str(tmp_path / "a.png")]) == 2
     complaints = capsys.readouterr().err.strip().splitlines()

@@ -25,6 +25,7 @@ class AssetFacts:
     branches: int
     shape: AssetShape
     origins: Mapping[str, int] = field(default_factory=dict)  # leaves of each origin, as leaf.model.count_origins
+    is_drawable: bool = True  # whether its first pictures were drawn within their time, if any were tried
 
     @property
     def height_m(self) -> float | None:
@@ -55,6 +56,7 @@ def write_asset_facts(folder: Path, facts: AssetFacts) -> None:
         "foliage": facts.foliage,
         "origins": dict(facts.origins),
         "branches": facts.branches,
+        "is_drawable": facts.is_drawable,
         "extent_m": None if shape.extent_m is None else shape.extent_m.tolist(),
         "asset_from_capture": shape.asset_from_capture.tolist(),
         "variants": {name: list(members) for name, members in shape.variants.items()},
@@ -78,6 +80,7 @@ def read_asset_facts(folder: Path) -> AssetFacts:
             leaves=int(values["leaves"]),
             foliage=str(values["foliage"]),
             branches=int(values["branches"]),
+            is_drawable=bool(values["is_drawable"]),
             shape=shape,
             origins={str(name): int(count) for name, count in values["origins"].items()},
         )

@@ -69,6 +69,7 @@ class PreviewSettings:
     even_light: bool = False  # the same from everywhere, for pictures that are lit where they are used
     frame: float | None = None  # time code; None: the stage's first
     stall_timeout_s: float = 300.0  # without a frame for so long, Storm is taken to hang
+    time_limit_s: float = math.inf  # for all views
 
     def __post_init__(self) -> None:
         check_size(self.width_px, self.height_px)
@@ -220,9 +221,9 @@ def draw_views(
         request = _build_request(drawn, views, settings, work)
         started = time.monotonic()
         try:
-            result = run_recorder(request, work, settings.stall_timeout_s, progress)
+            result = run_recorder(request, work, settings.stall_timeout_s, progress, settings.time_limit_s)
         except PreviewError as error:
-            raise PreviewError(f"{error.text}{_describe_lost_layers(usd_file)}", error.remedy) from error
+            raise type(error)(f"{error.text}{_describe_lost_layers(usd_file)}", error.remedy) from error
         logger.info(
             "Storm (USD %s) drew %d views in %.1f s", result["usd_version"], len(views), time.monotonic() - started
         )

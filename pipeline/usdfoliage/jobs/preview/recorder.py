@@ -6,6 +6,7 @@ hydra_preview/README.md describes request and result.
 import contextlib
 import json
 import logging
+import math
 import os
 import re
 import selectors
@@ -18,7 +19,7 @@ from types import MappingProxyType
 from typing import Any
 
 from usdfoliage.asset.resources import resource_folder
-from usdfoliage.errors import PreviewError
+from usdfoliage.errors import PreviewError, PreviewTimeoutError
 from usdfoliage.files.children import bound_command
 from usdfoliage.progress import Progress
 
@@ -69,12 +70,24 @@ def find_interpreter() -> Path:
 
 
 def run_recorder(
-    request: dict[str, Any], work: Path, stall_timeout_s: float, progress: Progress | None
+    request: dict[str, Any],
+    work: Path,
+    stall_timeout_s: float,
+    progress: Progress | None,
+    time_limit_s: float = math.inf,
 ) -> dict[str, Any]:
     """Start the preview interpreter on a request; returns its result, with its complaints logged.
 
+    Args:
+        request: As hydra_preview/README.md describes it.
+        work: A folder for its files.
+        stall_timeout_s: Without a picture for so long it is ended.
+        progress: Called with each picture.
+        time_limit_s: For all pictures.
+
     Raises:
-        PreviewError: It is missing, hangs, crashes, refuses, or could not compile a shader.
+        PreviewTimeoutError: It drew for too long.
+        PreviewError: It is missing, crashes, refuses, or could not compile a shader.
     """
     python = find_interpreter()
     recorder = resource_folder("hydra_preview") / "record.py"
@@ -93,7 +106,7 @@ def run_recorder(
         except OSError as error:
             raise PreviewError(f"the preview interpreter cannot be started: {error.strerror} ({python})") from error
         try:
-            _follow_progress(process, stall_timeout_s, progress)
+            _follow_progress(process, stall_timeout_s, progress, time_limit_s)
         finally:
             process.kill()  # does nothing to one that has ended
             process.wait()
@@ -138,18 +151,24 @@ def recorder_environment(work: Path) -> dict[str, str]:
     return environment
 
 
-def _follow_progress(process: subprocess.Popen[bytes], stall_timeout_s: float, progress: Progress | None) -> None:
-    """Read stdout to its end, reporting each frame; raises PreviewError after too long a silence."""
+def _follow_progress(
+    process: subprocess.Popen[bytes],
+    stall_timeout_s: float,
+    progress: Progress | None,
+    time_limit_s: float = math.inf,
+) -> None:
+    """Read stdout to its end, reporting each frame; raises PreviewTimeoutError after too long a time."""
     assert process.stdout is not None
     pending = b""
-    deadline = time.monotonic() + stall_timeout_s
+    end = time.monotonic() + time_limit_s
+    deadline = min(end, time.monotonic() + stall_timeout_s)
     with selectors.DefaultSelector() as selector:
         selector.register(process.stdout, selectors.EVENT_READ)
         while True:
             if not selector.select(max(0.0, deadline - time.monotonic())):
-                raise PreviewError(
-                    f"Storm drew no picture within {stall_timeout_s:g} s", "try a smaller size or a lower complexity"
-                )
+                late = f"not all pictures within {time_limit_s:g} s" if deadline == end else ""
+                text = f"Storm drew {late or f'no picture within {stall_timeout_s:g} s'}"
+                raise PreviewTimeoutError(text, "try a smaller size or a lower complexity")
             data = os.read(process.stdout.fileno(), 65536)
             if not data:
                 break
@@ -157,7 +176,7 @@ def _follow_progress(process: subprocess.Popen[bytes], stall_timeout_s: float, p
             for line in lines:
                 frame = re.fullmatch(rb".*usdfoliage-frame (\d+) (\d+)", line)
                 if frame is not None:
-                    deadline = time.monotonic() + stall_timeout_s
+                    deadline = min(end, time.monotonic() + stall_timeout_s)
                     if progress is not None:
                         progress(int(frame[1]), int(frame[2]))
     with contextlib.suppress(subprocess.TimeoutExpired):  # who called ends it; what it has written counts

@@ -67,3 +67,23 @@ def test_the_plant_is_compared_by_the_masks_that_it_is_made_by(
     assert not summary.poor
     assert [each["masks"] for each in json.loads((results["comparisons"] / "compared.json").read_text())] == [masks, ""]
     assert [(each.iou, each.masks) for each in report_stage._read_comparisons(call)] == [(0.75, masks), (None, "")]
+
+
+def test_no_pictures_are_tried_of_an_asset_whose_first_took_too_long(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    results = {name: tmp_path / name for name in ("asset", "turntable")}
+    for folder in results.values():
+        folder.mkdir()
+    shape = AssetShape(extent_m=None, asset_from_capture=np.eye(4), variants={}, selections={})
+    write_asset_facts(
+        results["asset"], AssetFacts(leaves=3, foliage="filled", branches=0, shape=shape, is_drawable=False)
+    )
+    monkeypatch.setattr(report_stage, "draw_turntable", lambda *_: pytest.fail("it was drawn"))
+    call: Any = SimpleNamespace(
+        out=results["turntable"], settings=BuildSettings(), report_parts=None, result_of=lambda name: results[name]
+    )
+    assert report_stage.turn_plant(call) == ()
+    summary = read_summary(results["turntable"])
+    assert [each.code for each in summary.remarks] == ["pictures-missing"]
+    assert summary.poor

@@ -1,6 +1,7 @@
 """Storm's pictures of a finished plant: all around, from the photographs' own cameras, and in every variant."""
 
 import math
+import time
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -50,10 +51,15 @@ class PictureSettings:
     variant_px: int = 420  # The picture of each variant is this wide and high. Unit: pixels. Range: 16 to 8192.
     samples: int = 2  # Each pixel is drawn with this many samples. Range: 1 to 64.
     complexity: str = "medium"  # Storm divides curved surfaces this finely: low, medium, high or veryhigh.
+    # All pictures of one kind are drawn within this time. If the first ones are not, the others are not tried. Unit:
+    # seconds. Range: above 0.
+    time_limit_s: float = 300.0
 
     def __post_init__(self) -> None:
         if not 2 <= self.turntable_frames <= MAX_FRAMES:
             raise ValueError(f"turntable_frames must be 2 to {MAX_FRAMES}, not {self.turntable_frames}")
+        if not self.time_limit_s > 0:
+            raise ValueError(f"time_limit_s must be above 0, not {self.time_limit_s:g}")
         if self.comparisons < 0:
             raise ValueError(f"comparisons must be 0 or more, not {self.comparisons}")
         self.preview(self.turntable_px)
@@ -64,7 +70,14 @@ class PictureSettings:
 
     def preview(self, side_px: int) -> PreviewSettings:
         """How a square picture is drawn; ValueError for what cannot be."""
-        return PreviewSettings(width_px=side_px, height_px=side_px, samples=self.samples, complexity=self.complexity)
+        return PreviewSettings(
+            width_px=side_px,
+            height_px=side_px,
+            samples=self.samples,
+            complexity=self.complexity,
+            stall_timeout_s=self.time_limit_s,
+            time_limit_s=self.time_limit_s,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,6 +160,7 @@ def draw_variants(
     size_px = _fit_shape(shape, settings.variant_px)
     chosen = [(variant_set, name) for variant_set, names in shape.variants.items() if len(names) > 1 for name in names]
     drawn = []
+    end = time.monotonic() + settings.time_limit_s
     for done, (variant_set, name) in enumerate(chosen):
         if progress is not None:
             progress(done, len(chosen))
@@ -156,7 +170,12 @@ def draw_variants(
         output = folder / f"variant_{variant_set}_{name}.png"
         # A crown is a proxy where leaves are drawn too, and is what `both` is about.
         purposes = ("default", "render", "proxy") if name == "both" else ("default", "render")
-        preview = replace(settings.preview(settings.variant_px), variants=tuple(selections), purposes=purposes)
+        preview = replace(
+            settings.preview(settings.variant_px),
+            variants=tuple(selections),
+            purposes=purposes,
+            time_limit_s=max(0.0, end - time.monotonic()),
+        )
         render_views(interface, [_three_quarter(shape, output, size_px)], preview)
         is_default = shape.selections.get(variant_set) == name
         drawn.append(DrawnVariant(set=variant_set, name=name, picture=output, is_default=is_default))

@@ -15,7 +15,7 @@ from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_pl
 from usdfoliage.asset.provenance import Provenance, combined_sha256, package_versions
 from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.capture.cloud_files.ply import read_cloud
-from usdfoliage.errors import FitError, PreviewError
+from usdfoliage.errors import FitError, PreviewError, PreviewTimeoutError
 from usdfoliage.files.npz import write_arrays
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
@@ -113,6 +113,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         first = ["the lod crown is shown"] if wrong and crown is not None else []
         remarks.append(remark("plant-leaves-guessed", "; ".join([guessed, *first, *small])))
     undrawn: list[Remark] = []
+    late: list[bool] = []
     written: list[AssetShape] = []
     with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:
 
@@ -127,6 +128,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
                     cards=draw_cards(interface, shape, Path(work), pictures) if pictures.cards else {},
                 )
             except PreviewError as error:
+                late.append(isinstance(error, PreviewTimeoutError))
                 text = f"the asset has no thumbnail: {error.text}"
                 undrawn.append(remark("thumbnail-missing", text, remedy=error.remedy))
                 return None
@@ -155,6 +157,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         branches=0 if traced is None else len(traced.skeleton),
         shape=written[0],
         origins={} if chosen.leaves is None else count_origins(chosen.leaves.leaves),
+        is_drawable=not any(late),
     )
     write_asset_facts(call.out, facts)
     if captured is not None:

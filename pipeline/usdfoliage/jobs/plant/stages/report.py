@@ -14,7 +14,7 @@ from usdfoliage.asset.validation.studio_profile import default_profile, read_pro
 from usdfoliage.asset.validation.validate import ValidationReport, validate_asset
 from usdfoliage.capture.cloud_files.leaf_points import renumber_leaf_points
 from usdfoliage.capture.folder.read import read_capture
-from usdfoliage.errors import PreviewError
+from usdfoliage.errors import PreviewError, PreviewTimeoutError
 from usdfoliage.files.json import read_json
 from usdfoliage.files.npz import read_arrays
 from usdfoliage.jobs.leaves.cloud_run import POINTS_FILE
@@ -311,6 +311,9 @@ def _draw(call: StageCall, draw: Callable[[], Sequence[Remark]]) -> tuple[Result
     """Draw pictures, which may have remarks; without Storm there are none, and the report has a remark about it."""
     (call.out / _PICTURES).mkdir()
     try:
+        if not read_asset_facts(call.result_of(ASSET)).is_drawable:
+            seconds = call.settings.pictures.time_limit_s
+            raise PreviewTimeoutError(f"its thumbnail was not drawn within {seconds:g} s, and no other is tried")
         summary = StageSummary(remarks=tuple(draw()))
     except PreviewError as error:
         text = f"there are no pictures of the asset: {error.text}"
