@@ -77,7 +77,7 @@ PROPERTIES: dict[str, tuple[tuple[str, str, str, str, str], ...]] = {
             "float[]",
             "none",
             "whole numbers",
-            "1 and sixteen a leaf",
+            "1 and nineteen a leaf",
         ),
         (
             "primvars:leaf:phase",

@@ -31,9 +31,9 @@ def build_leaves(stage: Usd.Stage, path: str = "/Leaves") -> Usd.Prim:
 
 
 def packed_leaves(count: int) -> list[float]:
-    """The copy for Storm of the leaves of author_leaf_arrays: axis2, inner, outer, axis1 and silhouette1 in 1/2048,
+    """The copy for Storm of the leaves of author_leaf_arrays: axis2, inner, outer, axis1, silhouette1 and 2 in 1/2048,
     the phase in 1/512."""
-    numbers = (0.0, 1365.0, 0.0, *(0.0,) * 6, 3840.0, 0.0, 683.0, 0.0, 410.0, 410.0, 0.0)
+    numbers = (0.0, 1365.0, 0.0, *(0.0,) * 6, 3840.0, 0.0, 683.0, 0.0, 410.0, 410.0, 0.0, 1024.0, 717.0, 0.0)
     return [float(count), *(number for number in numbers for _ in range(count))]
 
 

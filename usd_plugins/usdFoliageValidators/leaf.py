@@ -25,7 +25,7 @@ FACTS = (
 PACKED = "primvars:leaf:packed"
 PACKED_OF = (("axis2", 2048.0), ("inner", 2048.0), ("outer", 2048.0))
 PACKED_PHASE = 512.0
-PACKED_AFTER = (("axis1", 2048.0), ("silhouette1", 2048.0))  # the phase
+PACKED_AFTER = (("axis1", 2048.0), ("silhouette1", 2048.0), ("silhouette2", 2048.0))  # the phase
 PACKED_PERIOD = 64.0
 
 
@@ -197,9 +197,9 @@ def _check_packed(prim: Usd.Prim, leaves: int, parameters: dict[str, NDArray[np.
     if not leaves and not len(packed):
         return findings
     # Assets of earlier versions have ten numbers a leaf, and shaders that read the others elsewhere.
-    if len(packed) not in (1 + 16 * leaves, 1 + 10 * leaves) or packed[0] != leaves:
+    if len(packed) not in (1 + 19 * leaves, 1 + 10 * leaves) or packed[0] != leaves:
         text = f"has {len(packed)} elements for {packed[0] if len(packed) else 0:g} leaves; "
-        text += f"{1 + 16 * leaves} are needed, for {leaves}; {remedy}"
+        text += f"{1 + 19 * leaves} are needed, for {leaves}; {remedy}"
         return [*findings, error(prim, "LeafPackedLength", text, PACKED)]
     phase = values.numbers(prim, "primvars:leaf:phase") if values.is_authored(prim, "primvars:leaf:phase") else None
     turns = (np.zeros(leaves) if phase is None else phase % PACKED_PERIOD) * PACKED_PHASE

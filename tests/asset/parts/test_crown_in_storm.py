@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Usd, UsdGeom, UsdShade
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 from usdfoliage.asset.packages.leaf_package import AssetSettings, write_crown_asset
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.crown.model import CrownModel
@@ -16,7 +16,8 @@ from usdfoliage.jobs.preview.recorder import find_interpreter
 pytestmark = pytest.mark.preview
 
 SPACING_M = 3.0
-CROWNS = ("glslfx", "preview", "bare", "instance")
+VARIED = (1.5, 0.5, 1.0)  # factors on the colour of one instance
+CROWNS = ("glslfx", "preview", "bare", "instance", "varied")
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +50,12 @@ def picture(tmp_path_factory):
         material.GetSurfaceOutput(context).GetAttr().SetConnections([])
     UsdGeom.PrimvarsAPI(shot.GetPrimAtPath("/bare/geo/proxy/Crown")).BlockPrimvar("st")
     shot.GetPrimAtPath("/instance").SetInstanceable(True)
+    varied = shot.GetPrimAtPath("/varied")
+    varied.SetInstanceable(True)
+    variation = UsdGeom.PrimvarsAPI(varied).CreatePrimvar(
+        "foliage:variation", Sdf.ValueTypeNames.Color3f, UsdGeom.Tokens.constant
+    )
+    variation.Set(Gf.Vec3f(*VARIED))
     shot.Save()
 
     half = SPACING_M / 2
@@ -75,7 +82,7 @@ def color_at(picture, name, x_m, y_m):
 @pytest.mark.parametrize(("x_m", "y_m"), [(0, 0), (0.7, 0), (-0.7, 0), (0, 0.7), (0, -0.7), (0.5, 0.5), (-0.5, 0.5)])
 def test_colour_is_that_of_the_direction(picture, name, x_m, y_m):
     direction = np.array([x_m, y_m, np.sqrt(1 - x_m**2 - y_m**2)])
-    wanted = 0.5 + 0.4 * direction
+    wanted = (0.5 + 0.4 * direction) * (VARIED if name == "varied" else 1)
     # The highlight of UsdPreviewSurface adds white.
     tolerance = 0.06 if name == "preview" else 0.02
     np.testing.assert_allclose(color_at(picture, name, x_m, y_m), wanted / wanted.sum(), atol=tolerance)

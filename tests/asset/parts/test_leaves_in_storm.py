@@ -39,6 +39,7 @@ pytestmark = pytest.mark.preview
 SIZE_PX = 320
 HALF_M = 1.1  # of a picture's side
 APART_M = 10.0
+VARIATION = "foliage:variation"
 JITTERED = replace(EDITED, jitter_amplitude=0.06, jitter_frequency=5.0)
 
 
@@ -298,6 +299,42 @@ def test_leaf_has_its_own_color_where_the_instancer_has_one(variations):
     assert rgb[0] > 4 * rgb[1]
 
 
+def test_each_instance_of_a_plant_has_its_own_variation_of_colour(tmp_path):
+    """By native instances, by a PointInstancer, and of a plant that is no instance, with a colour a leaf."""
+    file, factors = tmp_path / "set.usda", ((1.0, 1.0, 1.0), (3.0, 0.5, 1.0))
+    stage = new_stage(file)
+    plant = stage.CreateClassPrim("/_Plant")
+    UsdGeom.Xform.Define(stage, plant.GetPath())
+    author_instancer(
+        stage, "/_Plant/Leaves", Scene(leaves=one_leaf(flat_leaf())), author_material(stage, "/_Plant/Leaf")
+    )
+    color_leaves(stage.GetPrimAtPath("/_Plant/Leaves"), [COLOR])
+    plant.SetSpecifier(Sdf.SpecifierClass)
+    for number, factor in enumerate(factors):
+        for form in (0, 1):
+            move(stage, f"/Place_{number}_{form}", APART_M * (2 * number + form))
+            placed = UsdGeom.Xform.Define(stage, f"/Place_{number}_{form}/Plant")
+            placed.GetPrim().GetReferences().AddInternalReference(plant.GetPath())
+            placed.GetPrim().SetInstanceable(form == 0)
+            variation = UsdGeom.PrimvarsAPI(placed).CreatePrimvar(VARIATION, Sdf.ValueTypeNames.Color3f, "constant")
+            variation.Set(Gf.Vec3f(*factor))
+    instancer = UsdGeom.PointInstancer.Define(stage, "/Plants")
+    prototype = UsdGeom.Xform.Define(stage, "/Plants/Prototypes/Plant")
+    prototype.GetPrim().GetReferences().AddInternalReference(plant.GetPath())
+    instancer.CreatePrototypesRel().SetTargets([prototype.GetPath()])
+    instancer.CreateProtoIndicesAttr([0, 0])
+    instancer.CreatePositionsAttr([Gf.Vec3f(APART_M * (4 + number), 0, 0) for number in (0, 1)])
+    variation = UsdGeom.PrimvarsAPI(instancer).CreatePrimvar(VARIATION, Sdf.ValueTypeNames.Color3fArray, "varying")
+    variation.Set([Gf.Vec3f(*factor) for factor in factors])
+    stage.Save()
+    pictures = draw(file, [APART_M * place for place in range(6)])
+    colors = [picture[picture[..., 3] > 0.5][:, :3].mean(axis=0) for picture in pictures]
+    for plain, varied in ((0, 2), (1, 3), (4, 5)):
+        ratio = colors[varied] / colors[plain]
+        assert ratio[0] / ratio[2] == pytest.approx(3, rel=0.15)  # the cuticle's mirrored light has no such colour
+        assert ratio[1] / ratio[2] == pytest.approx(0.5, rel=0.2)
+
+
 @pytest.mark.parametrize("author", [author_instancer, author_baked])
 def test_light_from_behind_shines_through_yellower(tmp_path, author):
     stage = new_stage(tmp_path / "backlit.usda")
@@ -328,8 +365,8 @@ def test_packed_leaves_are_whole_numbers_near_enough():
     packed = pack_leaves(leaves)
     np.testing.assert_array_equal(packed, np.round(packed))
     assert packed[0] == len(leaves)
-    numbers = packed[1:].reshape(16, len(leaves)).T
-    for first, row in ((0, 1), (3, 5), (6, 6), (10, 0), (13, 2)):
+    numbers = packed[1:].reshape(19, len(leaves)).T
+    for first, row in ((0, 1), (3, 5), (6, 6), (10, 0), (13, 2), (16, 3)):
         np.testing.assert_allclose(numbers[:, first : first + 3] / 2048, leaves.parameters[:, row], atol=2.5e-4)
     np.testing.assert_allclose(numbers[:, 9] / 512, leaves.phase % PERIOD, atol=1e-3)
 

@@ -25,7 +25,7 @@ _IOR = 1.45  # of the cuticle, a wax
 
 STORM_SURFACE = "StormSurface"  # below the material
 TEXTURE_COLOR = "textureColor"  # an input of it
-PACKED = "leaf:packed"  # what Storm reads of leaves beside silhouette2 and silhouette3, see pack_leaves
+PACKED = "leaf:packed"  # what Storm reads of leaves beside silhouette3, see pack_leaves
 _LENGTH_UNIT = 1 / 2048
 _PHASE_UNIT = 1 / 512
 
@@ -111,14 +111,15 @@ def author_jitter_texture(material: UsdShade.Material, file: str) -> None:
 
 
 def pack_leaves(leaves: Leaves) -> NDArray[np.float32]:
-    """What Storm reads of leaves beside silhouette2 and silhouette3: (1 + 16 N,) float32, whole numbers.
+    """What Storm reads of leaves beside silhouette3: (1 + 19 N,) float32, whole numbers.
 
     The number of leaves N; then, number after number and of all leaves each, axis2, inner and outer in 1/2048 of the
-    leaf's length, the phase in 1/512 of a cycle, axis1 and silhouette1 in 1/2048 of the length.
+    leaf's length, the phase in 1/512 of a cycle, axis1, silhouette1 and silhouette2 in 1/2048 of
+    the length.
     """
     lengths = leaves.parameters[:, (1, 5, 6)].reshape(-1, 9) / _LENGTH_UNIT
     phase = (leaves.phase % PERIOD) / _PHASE_UNIT
-    first = leaves.parameters[:, (0, 2)].reshape(-1, 6) / _LENGTH_UNIT
+    first = leaves.parameters[:, (0, 2, 3)].reshape(-1, 9) / _LENGTH_UNIT
     numbers = np.round(np.column_stack([lengths, phase, first])).T
     return np.concatenate([[len(leaves)], numbers.ravel()]).astype(np.float32)
 
