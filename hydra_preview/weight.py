@@ -50,13 +50,16 @@ def weigh(stage, time, purposes: list[str]) -> Weight:
                 return Weight()
             if prim.IsA(UsdGeom.Gprim) and imageable.ComputePurpose() not in purposes:
                 return Weight()
-        if prim.HasAPI(UsdGeom.ModelAPI) and prim.GetAttribute("model:drawMode").Get(time) == UsdGeom.Tokens.cards:
+        if prim.IsModel() and prim.GetAttribute("model:drawMode").Get(time) == UsdGeom.Tokens.cards:
             return Weight(triangles=CARD_TRIANGLES)
         if prim.IsInstance():
             return of_prototype(prim.GetPrototype())
         if prim.IsA(UsdGeom.PointInstancer):
             return of_instancer(prim)
         total = of_mesh(prim) if prim.IsA(UsdGeom.Mesh) else Weight()
+        if prim.IsA(UsdGeom.NurbsPatch):  # Storm draws the net of its control points
+            u, v = (prim.GetAttribute(f"{axis}VertexCount").Get(time) or 1 for axis in "uv")
+            total = Weight(triangles=2 * max(u - 1, 0) * max(v - 1, 0))
         for child in prim.GetChildren():
             total = total + of(child)
         return total
@@ -111,7 +114,8 @@ def draw_lighter(stage) -> str:
     from pxr import Sdf, Usd
 
     found = [prim for prim in stage.Traverse() if prim.GetAttribute("model:cardTextureXPos").HasAuthoredValue()]
-    if not found or found == [stage.GetDefaultPrim()]:
+    is_alone = len(found) == 1 and not found[0].IsInstance() and not _is_repeated(found[0])
+    if not found or is_alone:
         return _draw_crowns(stage)
     # Cards are drawn of models, whose parents are groups.
     above = {path for prim in found for path in prim.GetPath().GetParentPath().GetPrefixes()}
@@ -122,9 +126,19 @@ def draw_lighter(stage) -> str:
             spec = Sdf.CreatePrimInLayer(layer, prim.GetPath())
             mode = Sdf.AttributeSpec(spec, "model:drawMode", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform)
             mode.default = "cards"
+            spec.SetInfo("kind", "component")
         for path in groups:
             Sdf.CreatePrimInLayer(layer, path).kind = "group"
     return "cards"
+
+
+def _is_repeated(prim) -> bool:
+    """Whether a prim is below a PointInstancer, as its prototypes are."""
+    from pxr import UsdGeom
+
+    while prim and not prim.IsA(UsdGeom.PointInstancer):
+        prim = prim.GetParent()
+    return bool(prim)
 
 
 def _draw_crowns(stage) -> str:

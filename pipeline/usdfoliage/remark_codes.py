@@ -551,6 +551,11 @@ SECTIONS: tuple[RemarkSection, ...] = (
                     "that are aimed at it."
                 ),
             ),
+            "isolation-wall-left-out": RemarkKind(
+                severity="info",
+                meaning="Something wide without leaves, such as a wall, stands beside the plant, and is left out.",
+                action="Nothing, or give masks where it is a part of the plant.",
+            ),
             "isolation-several-stands": RemarkKind(
                 severity="warning",
                 meaning=(
@@ -1191,6 +1196,11 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "thumbnail-missing": RemarkKind(
                 severity="warning",
                 meaning="The asset has no thumbnail, because the preview interpreter could not draw one.",
+                action="Read the text, which names the cause. Run the build again.",
+            ),
+            "cards-missing": RemarkKind(
+                severity="warning",
+                meaning="The asset has no cards, because the preview interpreter could not draw them.",
                 action="Read the text, which names the cause. Run the build again.",
             ),
             "pictures-missing": RemarkKind(

@@ -324,3 +324,18 @@ def test_a_bare_plant_with_some_moss_keeps_its_branches() -> None:
     found = isolate(scene, distance_m=1.2)
     assert kept(scene, found, "branches") > 0.9
     assert kept(scene, found, "moss") > 0.9
+
+
+def test_bare_wood_beside_the_leaves_stays() -> None:
+    """A stem beside a crown, and a bough that begins where nothing is seen: thin, not wide as a wall."""
+    scene = Scene()
+    scene.floor(1.5)
+    scene.shell((0, 0.35, 0), 0.25)
+    y, turn = scene.rng.uniform(0.02, 0.6, 3_000), scene.rng.uniform(0, 2 * np.pi, 3_000)
+    scene.add("stem", np.column_stack([0.36 + 0.01 * np.cos(turn), y, 0.01 * np.sin(turn)]), CLOTH)
+    x = scene.rng.uniform(-0.55, -0.3, 3_000)
+    scene.add("bough", np.column_stack([x, 0.4 + 0.01 * np.cos(turn), 0.01 * np.sin(turn)]), CLOTH)
+    found = isolate(scene, distance_m=2.0)
+    assert kept(scene, found, "stem") > 0.8
+    assert kept(scene, found, "bough") > 0.8
+    assert "isolation-wall-left-out" not in [each.code for each in found.remarks]

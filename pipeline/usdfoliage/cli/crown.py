@@ -34,6 +34,11 @@ if TYPE_CHECKING:
     from usdfoliage.jobs.crown.written import WrittenCrown
 
 
+def read_mesh_size(text: str) -> int | None:
+    """Vertices along an edge of the cube; None for auto."""
+    return None if text == "auto" else int(text)
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from usdfoliage.asset.packages.leaf_package import AssetSettings
     from usdfoliage.jobs.crown.photograph import MAX_SIZE, MIN_SIZE, CrownSettings
@@ -63,10 +68,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     files.add_argument(
         "--mesh-size",
         metavar="N",
-        type=int,
+        type=read_mesh_size,
         default=AssetSettings.crown_mesh_size,
-        help="The mesh has this many vertices along an edge of the cube, 2 or more; the default is as few as keep the "
-        "silhouettes of the crown.",
+        help="The mesh has this many vertices along an edge of the cube, 2 or more; the default is auto: as few as "
+        "keep the silhouettes of the crown.",
     )
     _add_photo_options(parser.add_argument_group("of a photograph"))
     cloud = parser.add_argument_group("of a capture or a cloud")

@@ -21,6 +21,7 @@ class PieceSettings:
     aim: float = 0.25  # likewise, around the focus, where the plant is
     wide: float = 1.4  # of the plant's reach to its sides, within which other pieces may be of it
     low: float = 0.06  # of the cameras' distance over the floor: what does not rise above is remains of the floor
+    wide_wall: float = 0.04  # of the cameras' distance, spread of a wall across its longest direction; wood is thin
     leafy: float = 0.3  # share of green cells, from which on a place is one of leaves and not of noise
     stand: float = 0.3  # of the green cells of the largest piece: so many are a plant of its own where it stands
 
@@ -134,7 +135,8 @@ def find_bare_beside(
     """(N,) what has no leaves and stands beside all that has leaves, as a wall near a plant does.
 
     Wood stands below and between its leaves, or begins near the place that the photographs are aimed at, as that of a
-    plant in winter does. Wrong depth may bridge a wall and a stem, so that what is not green is taken by itself.
+    plant in winter does, or is thin. Wrong depth may bridge a wall and a stem, so that what is not green is taken by
+    itself.
 
     Args:
         cells_m: (N, 3), Y up, a point for each cell of a grid, of the plant and of what is linked with it.
@@ -158,11 +160,21 @@ def find_bare_beside(
     nearest_m = np.full(int(piece.max()) + 1, np.inf)
     np.minimum.at(nearest_m, piece, aside_m[bare])
     is_away = 2 * np.bincount(piece, away_m > gap_m) > np.bincount(piece)
-    beside[bare] = (is_away & (nearest_m > settings.link_gap * focus.distance_m))[piece]
+    found = is_away & (nearest_m > settings.link_gap * focus.distance_m)
+    for number in np.flatnonzero(found):
+        found[number] = _second_spread(cells_m[bare[piece == number]]) > settings.wide_wall * focus.distance_m
+    beside[bare] = found[piece]
     if beside.any():
         rest = np.flatnonzero(green & ~is_leafy)
         beside[rest] = cKDTree(cells_m[beside]).query(cells_m[rest])[0] <= gap_m
     return beside
+
+
+def _second_spread(points_m: NDArray[np.float64]) -> float:
+    """The standard deviation of points (N, 3) along the second of their principal axes."""
+    if len(points_m) < 3:
+        return 0.0
+    return float(np.sqrt(max(np.linalg.eigvalsh(np.cov(points_m.T))[1], 0.0)))
 
 
 def count_stands(

@@ -174,6 +174,11 @@ def isolate_plant(
             green = excess[first][at] > MIN_EXCESS
             beside = find_bare_beside(cells_m[at], green, focus, settings.pieces)
             of_plant[at[beside]] = False
+            if beside.any():
+                text = (
+                    f"what has no leaves, is wide and stands beside the plant is left out, {beside.mean():.0%} of both"
+                )
+                remarks.append(remark("isolation-wall-left-out", text))
             kind[left[~of_plant[cell]]] = PointKind.OUTLIER
             at, green = at[~beside], green[~beside]
             if support is not None and container is None:

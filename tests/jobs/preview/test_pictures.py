@@ -172,7 +172,7 @@ def test_a_hanging_interpreter_is_ended(interpreter, scene, tmp_path):
 def test_pictures_that_come_too_slowly_are_ended_by_the_limit_for_all_of_them(interpreter, scene, tmp_path):
     interpreter('while true; do echo "usdfoliage-frame 1 9"; sleep 0.1; done')
     settings = PreviewSettings(stall_timeout_s=30.0, time_limit_s=1.0)
-    with pytest.raises(PreviewTimeoutError, match=r"not all pictures within 1 s"):
+    with pytest.raises(PreviewTimeoutError, match=r"did not draw all pictures within 1 s"):
         draw_views(scene, one_view(tmp_path), settings)
 
 

@@ -158,6 +158,9 @@ def finish_root(root: Usd.Prim, file: str, kind: str = Kind.Tokens.component) ->
     geometry = UsdGeom.ModelAPI.Apply(root)
     cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), [UsdGeom.Tokens.default_])
     geometry.SetExtentsHint(_hint(cache.ComputeUntransformedBound(root).ComputeAlignedRange()))
+    for attribute in root.GetAuthoredAttributes():  # cards show the whole plant, and not the form that is exported
+        if attribute.GetName().startswith("model:card") or attribute.GetName() == "model:drawMode":
+            root.RemoveProperty(attribute.GetName())
     spec = root.GetStage().GetRootLayer().GetPrimAtPath(root.GetPath())
     set_applied(spec, [each for each in listed_schemas(root) if each != "AssetPreviewsAPI"])
 

@@ -49,9 +49,11 @@ def copy_cards(place: AssetPlace, cards: Mapping[str, Path]) -> dict[str, str]:
 
 
 def author_cards(prim: Usd.Prim, cards: Mapping[str, str]) -> None:
-    """Name the pictures on the asset's root prim; the asset itself is drawn until somebody asks for cards."""
+    """Name the pictures on the asset's root prim; the asset itself is drawn until somebody asks for cards.
+
+    No draw mode is authored: a plant inherits that of the groups that it stands in.
+    """
     model = UsdGeom.ModelAPI.Apply(prim)
-    model.CreateModelDrawModeAttr(UsdGeom.Tokens.default_)
     model.CreateModelCardGeometryAttr(UsdGeom.Tokens.cross)
     for side, path in cards.items():
         name = f"model:cardTexture{side}"

@@ -127,7 +127,10 @@ def bake_asset(request: BakeRequest, progress: StepProgress | None = None) -> Ba
                 branches=given.others,
                 foliage=foliage,
                 settings=PlantAssetSettings(version=given.settings.version),
-                pictures=AssetPictures(thumbnail=given.others.thumbnail, cards=given.others.cards),
+                pictures=AssetPictures(
+                    thumbnail=given.others.thumbnail,
+                    cards=given.others.cards if given.edits == NEUTRAL else {},  # those show the plant as it was
+                ),
             )
         elif given.others is None:
             interface = write_leaf_asset(folder, given.name, leaves, provenance, *rest)

@@ -227,7 +227,10 @@ def draw_views(
         logger.info(
             "Storm (USD %s) drew %d views in %.1f s", result["usd_version"], len(views), time.monotonic() - started
         )
-        pictures = [_read_exr(work / f"{number}.exr") for number in range(len(views))]
+        scale = result["scale"]
+        pictures = [  # one after another: each is as many times larger
+            _read_view(work / f"{number}.exr", view, settings, scale, usd_file) for number, view in enumerate(views)
+        ]
     if result["complexity"] < COMPLEXITIES[settings.complexity]:
         logger.warning(
             "curved surfaces are drawn more coarsely than the complexity %s, which Storm could not hold (%s)",
@@ -240,13 +243,6 @@ def draw_views(
             result["lighter"],
             usd_file,
         )
-    scale = result["scale"]
-    for number, (view, picture) in enumerate(zip(views, pictures, strict=True)):
-        expected = (*(scale * side for side in _drawn_px(view, settings)[::-1]), 4)
-        if picture.shape != expected:
-            raise PreviewError(f"Storm drew {picture.shape}, not {expected} as asked ({usd_file})")
-        if view.picture_px(settings) != picture.shape[1::-1]:
-            pictures[number] = _resize(picture, view.picture_px(settings))
     empty = [view for view, picture in zip(views, pictures, strict=True) if not picture[..., 3].any()]
     if len(empty) == len(views) and any(view.camera is None and view.pinhole is None for view in views):
         raise PreviewError(f"Storm drew nothing, though its bound is in the picture ({usd_file})")
@@ -254,6 +250,18 @@ def draw_views(
         place = "a pinhole camera" if view.pinhole is not None else view.camera or view.direction
         logger.warning("nothing is to be seen from %s (%s)", place, usd_file)
     return pictures
+
+
+def _read_view(
+    path: Path, view: PreviewView, settings: PreviewSettings, scale: int, usd_file: Path
+) -> NDArray[np.float32]:
+    """What Storm has drawn of a view, so many times larger, in the view's own size."""
+    picture = _read_exr(path)
+    expected = (*(scale * side for side in _drawn_px(view, settings)[::-1]), 4)
+    if picture.shape != expected:
+        raise PreviewError(f"Storm drew {picture.shape}, not {expected} as asked ({usd_file})")
+    size_px = view.picture_px(settings)
+    return picture if size_px == picture.shape[1::-1] else _resize(picture, size_px)
 
 
 def finish_picture(picture: NDArray[np.float32], background: tuple[float, float, float] | None) -> NDArray[np.uint8]:

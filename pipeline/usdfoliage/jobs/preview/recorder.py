@@ -166,8 +166,9 @@ def _follow_progress(
         selector.register(process.stdout, selectors.EVENT_READ)
         while True:
             if not selector.select(max(0.0, deadline - time.monotonic())):
-                late = f"not all pictures within {time_limit_s:g} s" if deadline == end else ""
-                text = f"Storm drew {late or f'no picture within {stall_timeout_s:g} s'}"
+                text = f"Storm drew no picture within {stall_timeout_s:g} s"
+                if deadline == end:
+                    text = f"Storm did not draw all pictures within {time_limit_s:.3g} s"
                 raise PreviewTimeoutError(text, "try a smaller size or a lower complexity")
             data = os.read(process.stdout.fileno(), 65536)
             if not data:

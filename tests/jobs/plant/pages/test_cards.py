@@ -10,7 +10,7 @@ from pxr import Usd, UsdGeom
 from usdfoliage.asset.packages.asset_shape import AssetShape
 from usdfoliage.asset.packages.cards import CARD_SIDES, AssetPictures, read_cards
 from usdfoliage.asset.packages.plant_package import write_plant_asset
-from usdfoliage.jobs.plant.pages.cards import SIDES, draw_cards, view_side
+from usdfoliage.jobs.plant.pages.cards import SIDES, cut_to_box, draw_cards, view_side
 from usdfoliage.jobs.plant.pages.pictures import PictureSettings
 from usdfoliage.jobs.preview.pictures import PreviewSettings, draw_views
 
@@ -43,7 +43,8 @@ def test_cards_are_drawn_where_the_plant_is(plant, tmp_path):
     views = [view_side(side, shape.drawn_m, 128) for side in SIDES.values()]
     whole = draw_views(interface, views, PreviewSettings(samples=4))
     stage = Usd.Stage.Open(str(interface))
-    assert UsdGeom.ModelAPI(stage.GetDefaultPrim()).GetModelDrawModeAttr().Get() == "default"
+    assert UsdGeom.ModelAPI(stage.GetDefaultPrim()).ComputeModelDrawMode() == "default"
+    assert not stage.GetDefaultPrim().GetAttribute("model:drawMode").HasAuthoredValue()  # a group's is inherited
     over = Usd.Stage.CreateNew(str(tmp_path / "cards.usda"))
     over.GetRootLayer().subLayerPaths.append(str(interface))
     prim = over.OverridePrim(stage.GetDefaultPrim().GetPath())
@@ -84,8 +85,31 @@ def test_a_view_has_the_sides_of_the_box():
     assert view.size_px == (20, 80)
     np.testing.assert_allclose(view.window, (-4, -2, 0, 8), atol=1e-4)
     assert view_side(SIDES["ZNeg"], box_m, 80).window[0] == pytest.approx(-3, abs=1e-4)
-    flat = np.array([[0.0, 0, 0], [1, 0, 1]])
-    assert min(view_side(SIDES["ZPos"], flat, 80).size_px) == 16
+
+
+@pytest.mark.parametrize(
+    ("size_m", "size_px"),
+    [((0.04, 2.0), (2, 100)), ((1.0, 0.01), (100, 1)), ((1.0, 0.0), (100, 1)), ((1, 0.5), (100, 50))],
+)
+def test_a_card_of_a_thin_plant_is_cut_to_its_box(size_m, size_px):
+    """Pictures have 16 pixels a side or more: what is beyond the box is drawn, and cut away."""
+    box_m = np.array([[0.3, -0.2, 0.0], [0.3 + size_m[0], -0.2 + size_m[1], 1.0]])
+    view = view_side(SIDES["ZPos"], box_m, 100)
+    left, right, bottom, top = view.window
+    pixels = np.array(view.size_px)
+    assert pixels.min() >= 16
+    assert (right - left) / (top - bottom) == pytest.approx(pixels[0] / pixels[1])  # square pixels
+    x_m = left + (np.arange(pixels[0]) + 0.5) * (right - left) / pixels[0]
+    y_m = top - (np.arange(pixels[1]) + 0.5) * (top - bottom) / pixels[1]
+    picture = np.zeros((pixels[1], pixels[0], 4), np.uint8)
+    picture[..., 0] = 100 * np.clip((x_m - box_m[0, 0]) / max(size_m[0], 1e-9), 0, 1)
+    picture[..., 1] = 100 * np.clip((y_m - box_m[0, 1]) / max(size_m[1], 1e-9), 0, 1)[:, None]
+    cut = cut_to_box(picture, SIDES["ZPos"], box_m)
+    assert cut.shape[1::-1] == size_px
+    if size_px[0] > 50:
+        assert cut[0, 0, 0] < 2 < 98 <= cut[0, -1, 0]
+    if size_px[1] > 50:
+        assert cut[-1, 0, 1] < 2 < 98 <= cut[0, 0, 1]
 
 
 def test_cards_are_all_six_or_none():

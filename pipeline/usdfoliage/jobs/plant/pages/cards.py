@@ -56,7 +56,7 @@ def draw_cards(
     pictures = draw_views(interface, views, preview)
     paths = {name: folder / f"card_{name}.png" for name in SIDES}
     finished = [
-        np.rot90(_fill_ground(finish_picture(picture, None)), side.quarter_turns)
+        np.rot90(_fill_ground(cut_to_box(finish_picture(picture, None), side, shape.drawn_m)), side.quarter_turns)
         for side, picture in zip(SIDES.values(), pictures, strict=True)
     ]
     encoded = [encode_png(np.ascontiguousarray(picture)) for picture in finished]
@@ -65,13 +65,13 @@ def draw_cards(
 
 
 def view_side(side: _Side, box_m: NDArray[np.float64], longest_px: int) -> PreviewView:
-    """What sees a box (2, 3) along an axis, to its borders."""
-    left, right = sorted(side.across_sign * box_m[:, side.across])
-    bottom, top = sorted(side.up_sign * box_m[:, side.up])
-    scale = longest_px / max(right - left, top - bottom, 1e-9)
-    size_px = tuple(max(MIN_SIDE_PX, round(scale * length)) for length in (right - left, top - bottom))
-    slack = 1e-6 * max(right - left, top - bottom, 1e-3)  # a flat plant has a box of no depth
-    window = (float(left - slack), float(right + slack), float(bottom - slack), float(top + slack))
+    """What sees a box (2, 3) along an axis, to its borders or beyond: in whole square pixels, 16 a side or more."""
+    middle_m, length_m = _measure_side(side, box_m)
+    scale = longest_px / length_m.max()
+    size_px = [max(MIN_SIDE_PX, int(np.ceil(scale * length - 1e-6))) for length in length_m]
+    half_m = np.array(size_px) / scale / 2
+    low_m, high_m = middle_m - half_m, middle_m + half_m
+    window = (float(low_m[0]), float(high_m[0]), float(low_m[1]), float(high_m[1]))
     return PreviewView(
         output=Path("card.png"),
         direction=side.direction,
@@ -79,6 +79,24 @@ def view_side(side: _Side, box_m: NDArray[np.float64], longest_px: int) -> Previ
         window=window,
         size_px=(size_px[0], size_px[1]),
     )
+
+
+def cut_to_box(picture: NDArray[np.uint8], side: _Side, box_m: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """What of a picture that view_side took lies in the box; at least a pixel."""
+    _, length_m = _measure_side(side, box_m)
+    height, width = picture.shape[:2]
+    scale = max(width, height) / length_m.max()
+    across, up = (max(1, round(scale * length)) for length in length_m)
+    top, left = (height - min(up, height)) // 2, (width - min(across, width)) // 2
+    return picture[top : top + up, left : left + across]
+
+
+def _measure_side(side: _Side, box_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The middle of a box as one of its sides shows it, to the right and upwards, and its lengths; none is 0."""
+    flat_m = box_m[:, [side.across, side.up]]
+    middle_m = flat_m.mean(axis=0) * [side.across_sign, side.up_sign]
+    length_m = flat_m[1] - flat_m[0]
+    return middle_m, np.maximum(length_m, 1e-6 * max(float(length_m.max()), 1e-3))
 
 
 def _fill_ground(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:

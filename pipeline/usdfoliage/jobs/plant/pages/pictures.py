@@ -15,7 +15,7 @@ from usdfoliage.asset.packages.contents import interface_of
 from usdfoliage.asset.publish_file import publish_written
 from usdfoliage.capture.folder.read import Capture, read_view
 from usdfoliage.capture.view import View
-from usdfoliage.errors import CaptureError
+from usdfoliage.errors import CaptureError, PreviewTimeoutError
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.plant.pages.cameras import choose_cameras, frame_box
 from usdfoliage.jobs.plant.pages.report import Comparison
@@ -176,7 +176,11 @@ def draw_variants(
             purposes=purposes,
             time_limit_s=max(0.0, end - time.monotonic()),
         )
-        render_views(interface, [_three_quarter(shape, output, size_px)], preview)
+        try:
+            render_views(interface, [_three_quarter(shape, output, size_px)], preview)
+        except PreviewTimeoutError as error:
+            text = f"the variants were not all drawn within {settings.time_limit_s:g} s"
+            raise PreviewTimeoutError(text, error.remedy) from error
         is_default = shape.selections.get(variant_set) == name
         drawn.append(DrawnVariant(set=variant_set, name=name, picture=output, is_default=is_default))
     if progress is not None:

@@ -121,17 +121,21 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             written.append(shape)
             if not call.settings.pictures.make:
                 return None
+            pictures = call.settings.pictures
             try:
-                pictures = call.settings.pictures
-                return AssetPictures(
-                    thumbnail=draw_thumbnail(interface, shape, Path(work), pictures),
-                    cards=draw_cards(interface, shape, Path(work), pictures) if pictures.cards else {},
-                )
+                thumbnail = draw_thumbnail(interface, shape, Path(work), pictures)
             except PreviewError as error:
                 late.append(isinstance(error, PreviewTimeoutError))
                 text = f"the asset has no thumbnail: {error.text}"
                 undrawn.append(remark("thumbnail-missing", text, remedy=error.remedy))
                 return None
+            try:
+                cards = draw_cards(interface, shape, Path(work), pictures) if pictures.cards else {}
+            except PreviewError as error:
+                text = f"the asset has no cards: {error.text}"
+                undrawn.append(remark("cards-missing", text, remedy=error.remedy))
+                cards = {}
+            return AssetPictures(thumbnail=thumbnail, cards=cards)
 
         folder = call.out / ASSET_FOLDER
         folder.mkdir()
