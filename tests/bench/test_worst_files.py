@@ -23,7 +23,7 @@ from tools.fuzz.worst_files import CLASSES, PARENTHESES, PRIMS, TEXT_BYTES, wors
 BENCH = Path(__file__).resolve().parents[2] / "tools" / "bench" / "worst_files.py"
 SCALE = 0.001
 FILES = {file.name: file for file in worst_files()}
-ALLOCATE = "import time; data = bytearray(300_000_000); time.sleep(2)"
+ALLOCATE = "import time; data = bytearray(300_000_000); time.sleep(4)"
 
 
 @pytest.fixture(scope="module")
