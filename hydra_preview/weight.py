@@ -113,14 +113,15 @@ def draw_lighter(stage) -> str:
     """
     from pxr import Sdf, Usd
 
-    found = [prim for prim in stage.Traverse() if prim.GetAttribute("model:cardTextureXPos").HasAuthoredValue()]
+    layer = stage.GetEditTarget().GetLayer()
+    _open_groups(stage, layer)
+    found = [prim for prim in stage.Traverse() if _has_cards(prim)]
     is_alone = len(found) == 1 and not found[0].IsInstance() and not _is_repeated(found[0])
     if not found or is_alone:
         return _draw_crowns(stage)
     # Cards are drawn of models, whose parents are groups.
     above = {path for prim in found for path in prim.GetPath().GetParentPath().GetPrefixes()}
     groups = [path for path in above if not Usd.ModelAPI(stage.GetPrimAtPath(path)).IsGroup()]
-    layer = stage.GetEditTarget().GetLayer()
     with Sdf.ChangeBlock():  # else the stage is composed anew for each of thousands of plants
         for prim in found:
             spec = Sdf.CreatePrimInLayer(layer, prim.GetPath())
@@ -130,6 +131,33 @@ def draw_lighter(stage) -> str:
         for path in groups:
             Sdf.CreatePrimInLayer(layer, path).kind = "group"
     return "cards"
+
+
+def _has_cards(prim) -> bool:
+    return prim.GetAttribute("model:cardTextureXPos").HasAuthoredValue()
+
+
+def _open_groups(stage, layer) -> None:
+    """Make instances of whole groups of plants none: what is inside an instance takes no opinion."""
+    from pxr import Sdf, Usd
+
+    while True:
+        groups = set()
+        prims = iter(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+        for prim in prims:
+            if not _has_cards(prim):
+                continue
+            prims.PruneChildren()
+            above = prim.GetParent()
+            while prim.IsInstanceProxy() and above.IsInstanceProxy():
+                above = above.GetParent()
+            if prim.IsInstanceProxy():
+                groups.add(above.GetPath())
+        if not groups:
+            return
+        with Sdf.ChangeBlock():
+            for path in groups:
+                Sdf.CreatePrimInLayer(layer, path).instanceable = False
 
 
 def _is_repeated(prim) -> bool:

@@ -133,3 +133,18 @@ def test_what_has_no_lighter_form_is_drawn_as_it_is():
     assert draw_lighter(plant) == ""
     assert weight_of(plant) == Weight(triangles=400)
     assert draw_lighter(scene_of(plant_stage(cards=False, crown=False), 2)) == ""
+
+
+def test_plants_in_instances_of_groups_are_drawn_as_their_cards():
+    plant = plant_stage(cards=True, crown=True)
+    clump = scene_of(plant, 2)
+    clump.SetDefaultPrim(clump.GetPrimAtPath("/Set"))
+    wood = scene_of(clump, 3)  # instances of groups that hold instances
+    forest = Usd.Stage.CreateInMemory()
+    for number in range(2):
+        prim = forest.DefinePrim(f"/Forest/Wood_{number}", "Xform")
+        prim.GetReferences().AddReference(wood.GetRootLayer().identifier, "/Set")
+        prim.SetInstanceable(True)
+    assert weight_of(forest) == Weight(triangles=2 * 3 * 2 * 400)
+    assert draw_lighter(forest) == "cards"
+    assert weight_of(forest) == Weight(triangles=2 * 3 * 2 * CARD_TRIANGLES)
