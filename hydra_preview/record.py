@@ -245,13 +245,14 @@ def measure_shape(stage, time, purposes: list[str]):
     """What cameras have to show: tighter than the stage's bound where meshes are drawn as they are."""
     from framing import Shape
     from pxr import Usd, UsdGeom
+    from weight import is_drawn_as_cards
 
     bound = compute_bound(stage, time, purposes)
     cache = UsdGeom.BBoxCache(time, purposes, useExtentsHint=False)
     drawn = []
     prims = iter(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
     for prim in prims:
-        has_cards = prim.GetAttribute("model:drawMode").Get(time) == UsdGeom.Tokens.cards
+        has_cards = is_drawn_as_cards(prim, time)
         if not (has_cards or prim.IsA(UsdGeom.Boundable)):
             continue
         prims.PruneChildren()  # what is below an instancer are its prototypes
@@ -358,8 +359,6 @@ def record_views(request: dict) -> dict:
     if "frame" in request:
         time = Usd.TimeCode(request["frame"])
     z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
-    cameras = view_cameras(stage, time, request)
-    lit = has_lights(stage)
     weight = weigh(stage, time, request["purposes"])
     lighter = ""
     if weight.drawn(0) > MAX_TRIANGLES and "lod" not in request.get("variants", {}):
@@ -372,6 +371,8 @@ def record_views(request: dict) -> dict:
         scale = choose_scale(weight, complexity, request.get("samples", SAMPLES), sizes_px)
         if scale > 1:
             raise LargerPictures(scale)
+    cameras = view_cameras(stage, time, request)
+    lit = has_lights(stage)
 
     recorder = UsdAppUtils.FrameRecorder()
     if not recorder.SetRendererPlugin("HdStormRendererPlugin"):

@@ -7,7 +7,7 @@ MAX_FACES = 4_000_000  # of refined subdivision surfaces, that Storm is given at
 MANY = 1_000_000  # triangles, from which on a larger picture costs less than several samples of a pixel
 MAX_TRIANGLES = 20_000_000  # beyond them plants are drawn in a lighter form
 CARD_TRIANGLES = 12
-MAX_SIDE_PX = 8192
+MAX_SIDE_PX = 8192  # as the product has it, whose pictures may be no larger
 MAX_PIXELS = 1 << 25
 REFINED_BY = 0.1  # of complexity, a level: each divides a face into four
 
@@ -30,6 +30,13 @@ class Weight:
         return self.triangles + 2 * self.cage_faces * 4**level
 
 
+def is_drawn_as_cards(prim, time) -> bool:
+    """Whether a prim's own draw mode is cards, and counts: it does for models."""
+    if prim.IsPseudoRoot() or not prim.IsModel():
+        return False
+    return prim.GetAttribute("model:drawMode").Get(time) == "cards"
+
+
 def weigh(stage, time, purposes: list[str]) -> Weight:
     """What is drawn of a stage; what is invisible, or of another purpose, does not count."""
     from pxr import UsdGeom
@@ -50,7 +57,7 @@ def weigh(stage, time, purposes: list[str]) -> Weight:
                 return Weight()
             if prim.IsA(UsdGeom.Gprim) and imageable.ComputePurpose() not in purposes:
                 return Weight()
-        if prim.IsModel() and prim.GetAttribute("model:drawMode").Get(time) == UsdGeom.Tokens.cards:
+        if is_drawn_as_cards(prim, time):
             return Weight(triangles=CARD_TRIANGLES)
         if prim.IsInstance():
             return of_prototype(prim.GetPrototype())
