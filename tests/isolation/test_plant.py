@@ -123,12 +123,17 @@ def test_a_leaf_that_hangs_over_the_rim_stays() -> None:
     assert kept(scene, isolate(scene), "hanging") > 0.9
 
 
+def add_wall(scene: Scene, x_m: tuple[float, float], height_m: float, z_m: float, count: int) -> None:
+    """An upright wall of cloth."""
+    x, y = scene.rng.uniform(*x_m, count), scene.rng.uniform(0, height_m, count)
+    scene.add("wall", np.column_stack([x, y, np.full(count, z_m)]), CLOTH)
+
+
 def test_a_wall_behind_a_plant_is_left_out() -> None:
     scene = Scene()
     scene.floor(1.5)
     scene.shell((0, 0.35, 0), 0.3)
-    x, y = scene.rng.uniform(-1.5, 1.5, 30_000), scene.rng.uniform(0, 1.5, 30_000)
-    scene.add("wall", np.column_stack([x, y, np.full(30_000, -1.0)]), CLOTH)
+    add_wall(scene, (-1.5, 1.5), 1.5, -1.0, 30_000)
     found = isolate(scene, distance_m=1.2)
     assert kept(scene, found, "wall") < 0.01
     assert kept(scene, found, "plant") > 0.97
@@ -267,8 +272,7 @@ def test_a_wall_that_is_near_enough_to_be_linked_is_left_out() -> None:
     scene = Scene()
     scene.floor(1.5)
     scene.shell((0, 0.35, 0), 0.3)
-    x, y = scene.rng.uniform(-0.35, 0.35, 8_000), scene.rng.uniform(0, 0.6, 8_000)
-    scene.add("wall", np.column_stack([x, y, np.full(8_000, -0.38)]), CLOTH)
+    add_wall(scene, (-0.35, 0.35), 0.6, -0.38, 8_000)
     found = isolate(scene, distance_m=1.2)
     assert kept(scene, found, "wall") < 0.01
     assert kept(scene, found, "plant") > 0.97
@@ -304,8 +308,7 @@ def test_a_stem_that_wrong_depth_bridges_to_a_wall_stays_without_the_wall() -> N
     scene = Scene()
     scene.floor(1.5)
     scene.shell((0, 0.35, 0), 0.3)
-    x, y = scene.rng.uniform(-0.35, 0.0, 10_000), scene.rng.uniform(0, 0.6, 10_000)
-    scene.add("wall", np.column_stack([x, y, np.full(10_000, -0.38)]), CLOTH)
+    add_wall(scene, (-0.35, 0.0), 0.6, -0.38, 10_000)
     scene.shell((-0.3, 0.45, -0.33), 0.05, name="stem")
     found = isolate(scene, distance_m=1.2)
     assert kept(scene, found, "wall") < 0.05

@@ -12,6 +12,7 @@ from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.silhouette_view import draw_silhouette
 from usdfoliage.crown.views import ReducedView
 from usdfoliage.geometry.cubemap import face_coordinates, face_directions, sample_cubemap
+from usdfoliage.geometry.picture_agreement import silhouette_iou
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.remarks import Remark
 
@@ -100,12 +101,6 @@ def draw_points(points_m: NDArray[np.float64], camera: Pinhole, gap_px: float) -
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     padded = np.pad(drawn, side)
     return np.asarray(cv2.morphologyEx(padded, cv2.MORPH_CLOSE, kernel)[side:-side, side:-side] > 0)
-
-
-def silhouette_iou(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
-    """Intersection over union of two masks of one size; 0 where both are empty."""
-    union = int(np.count_nonzero(first | second))
-    return int(np.count_nonzero(first & second)) / max(union, 1)
 
 
 def crown_volume(radius_m: NDArray[np.floating]) -> float:

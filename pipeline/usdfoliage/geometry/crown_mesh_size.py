@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.geometry.crown_mesh import CrownMesh, build_crown_mesh
+from usdfoliage.geometry.picture_agreement import silhouette_iou
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +41,7 @@ def choose_mesh_size(radius_m: NDArray[np.floating], settings: MeshSizeSettings 
             break
         mesh = build_crown_mesh(radius_m, np.zeros(3), size)
         if all(
-            _iou(draw_silhouette(mesh, turn, reach_m, settings.side_px), silhouette) >= settings.min_iou
+            silhouette_iou(draw_silhouette(mesh, turn, reach_m, settings.side_px), silhouette) >= settings.min_iou
             for turn, silhouette in zip(turns, wanted, strict=True)
         ):
             return size
@@ -63,10 +64,6 @@ def draw_silhouette(mesh: CrownMesh, turn: NDArray[np.float64], reach_m: float, 
     for quad in places[mesh.face_vertices[faces_us]]:
         cv2.fillConvexPoly(picture, quad, 1, shift=shift)
     return picture > 0
-
-
-def _iou(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
-    return float((first & second).sum() / (first | second).sum())
 
 
 def _spread_turns(count: int) -> list[NDArray[np.float64]]:

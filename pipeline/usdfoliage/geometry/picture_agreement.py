@@ -55,6 +55,12 @@ def find_outlines(ids: NDArray[np.integer]) -> NDArray[np.bool_]:
     return outlines
 
 
+def silhouette_iou(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
+    """Intersection over union of two masks of one size; 0 where both are empty."""
+    union = int(np.count_nonzero(first | second))
+    return int(np.count_nonzero(first & second)) / max(union, 1)
+
+
 def measure_agreement(ids: NDArray[np.integer], srgb: NDArray[np.uint8], mask: NDArray[np.bool_]) -> PictureAgreement:
     """Compare a drawing with a photograph of the same camera and size.
 
@@ -74,14 +80,14 @@ def measure_agreement(ids: NDArray[np.integer], srgb: NDArray[np.uint8], mask: N
             f"drawing, photograph and mask must be of one size, not {ids.shape}, {srgb.shape}, {mask.shape}"
         )
     drawn = ids != NOTHING
-    both, either = int(np.count_nonzero(drawn & mask)), int(np.count_nonzero(drawn | mask))
+    both = int(np.count_nonzero(drawn & mask))
     outlines = find_outlines(ids)
     edges = _find_edges(srgb, mask)
     near_edge, near_outline = _grow(edges), _grow(outlines)
     moves = ((_APART_PX, 0), (-_APART_PX, 0), (0, _APART_PX), (0, -_APART_PX))
     chance = float(np.mean([_share(near_edge, np.roll(outlines, move, (0, 1))) for move in moves]))
     return PictureAgreement(
-        iou=both / max(either, 1),
+        iou=silhouette_iou(drawn, mask),
         precision=both / max(int(np.count_nonzero(drawn)), 1),
         recall=both / max(int(np.count_nonzero(mask)), 1),
         edge_precision=_share(near_edge, outlines) - chance,

@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.crown.captured_measures import silhouette_iou
 from usdfoliage.crown.color_map import ColorMapSettings, build_color_map
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.projection import make_exemplar, project_photo
@@ -18,6 +17,7 @@ from usdfoliage.crown.surface import SurfaceSettings, inflate_silhouette
 from usdfoliage.crown.texture import TextureSettings
 from usdfoliage.crown.tone import measure_color_statistics
 from usdfoliage.geometry.cubemap import FACES, face_directions, sample_cubemap, share_borders
+from usdfoliage.geometry.picture_agreement import silhouette_iou
 from usdfoliage.progress import StepProgress, follow_step
 
 STEPS = ("silhouette", "base surface", "radius", "photograph", "texture", "relief", "composition")

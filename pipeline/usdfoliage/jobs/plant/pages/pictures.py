@@ -16,6 +16,7 @@ from usdfoliage.asset.publish_file import publish_written
 from usdfoliage.capture.folder.read import Capture, read_view
 from usdfoliage.capture.view import View
 from usdfoliage.errors import CaptureError, PreviewTimeoutError
+from usdfoliage.geometry.picture_agreement import silhouette_iou
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.plant.pages.cameras import choose_cameras, frame_box
 from usdfoliage.jobs.plant.pages.report import Comparison
@@ -244,8 +245,7 @@ def compare_silhouettes(mask: NDArray[np.bool_], alpha: NDArray[np.float32]) -> 
     """Intersection over union of a photograph's mask (H, W) and a drawing's opacity (h, w), at the drawing's size."""
     height, width = alpha.shape
     small = cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA) >= 0.5
-    drawn = alpha >= 0.5
-    return int(np.count_nonzero(small & drawn)) / max(int(np.count_nonzero(small | drawn)), 1)
+    return silhouette_iou(small, alpha >= 0.5)
 
 
 def shrink_to_stage(camera: Pinhole, longest_px: int, stage_from_world: NDArray[np.float64]) -> Pinhole:
