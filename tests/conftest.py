@@ -5,11 +5,24 @@ import subprocess
 
 import pytest
 from hypothesis import settings
+from usdfoliage.errors import PreviewError
+from usdfoliage.jobs.preview.recorder import find_interpreter
 
 # On a loaded machine the time of an example is no measure.
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
+
+
+def pytest_collection_modifyitems(items):
+    """Skip what draws where nothing can draw it, before any fixture tries."""
+    try:
+        find_interpreter()
+    except PreviewError as error:
+        absent = pytest.mark.skip(reason=f"the preview interpreter is absent: {error}")
+        for item in items:
+            if item.get_closest_marker("preview"):
+                item.add_marker(absent)
 
 
 @pytest.fixture

@@ -13,7 +13,6 @@ from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views, finish_picture
-from usdfoliage.jobs.preview.recorder import find_interpreter
 
 from tests.support.preview_stages import CUBE_COLORS, bind_surface, write_ball, write_cube, write_square
 
@@ -24,14 +23,6 @@ BALL_RADIUS_M = 2.0
 BALL_CENTER_M = (10.0, 20.0, -30.0)
 
 pytestmark = pytest.mark.preview
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _interpreter():
-    try:
-        find_interpreter()
-    except PreviewError as error:
-        pytest.skip(f"the preview interpreter is absent: {error}")
 
 
 def look(name, **arguments):

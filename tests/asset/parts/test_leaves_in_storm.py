@@ -10,9 +10,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdValidation
 from scipy.spatial.transform import Rotation
 from usdfoliage.asset.materials.leaf import LeafMaterial, author_leaf_material, pack_leaves
 from usdfoliage.asset.parts.leaf_primvars import author_edits, author_leaf_primvars
-from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views, encode_png, finish_picture
-from usdfoliage.jobs.preview.recorder import find_interpreter
 from usdfoliage.leaf.shape.edits import LeafEdits
 from usdfoliage.leaf.shape.jitter import PERIOD
 from usdfoliage.leaf.shape.mesh import PrototypeSettings
@@ -41,14 +39,6 @@ HALF_M = 1.1  # of a picture's side
 APART_M = 10.0
 VARIATION = "foliage:variation"
 JITTERED = replace(EDITED, jitter_amplitude=0.06, jitter_frequency=5.0)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _interpreter():
-    try:
-        find_interpreter()
-    except PreviewError as error:
-        pytest.skip(f"the preview interpreter is absent: {error}")
 
 
 def draw(file: Path, places, azimuths=("front",)):

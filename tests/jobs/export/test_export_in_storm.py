@@ -4,22 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views
-from usdfoliage.jobs.preview.recorder import find_interpreter
 
 from tests.support.leaves.commands import run
 from tests.support.plant_assets import write_whole_plant
 
 pytestmark = pytest.mark.preview
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _interpreter():
-    try:
-        find_interpreter()
-    except PreviewError as error:
-        pytest.skip(f"the preview interpreter is absent: {error}")
 
 
 def draw(file: Path) -> np.ndarray:
