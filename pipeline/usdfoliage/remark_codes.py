@@ -1185,6 +1185,11 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 ),
                 action="Take nearer photographs, or isolate one plant.",
             ),
+            "sway-without-branches": RemarkKind(
+                severity="warning",
+                meaning="A sway was asked for, and the plant has no branches whose joints could turn.",
+                action="Set `branches.make` to `on`, or leave out the sway.",
+            ),
             "plant-leaves-guessed": RemarkKind(
                 severity="warning",
                 meaning=(

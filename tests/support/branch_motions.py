@@ -13,7 +13,7 @@ from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.foliage.species import load_species
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.jobs.branches.foliage import FoliageRequest, GrownLeaves, grow_leaves
-from usdfoliage.jobs.branches.motion import BranchMotion, grow_branches, rig_branches, rig_leaves
+from usdfoliage.jobs.branches.motion import BranchMotion, grow_branches, rig_branches, rig_grown_leaves
 
 INTERNODE_M = 0.05
 
@@ -50,5 +50,5 @@ def write_moving(
         foliage=grown.foliage if grown else None,
         rig=rig,
         growth=grow_branches(traced, surfaces, motion, grown),
-        rigged_leaves=rig_leaves(rig, grown),
+        rigged_leaves=rig_grown_leaves(rig, grown),
     )

@@ -176,6 +176,11 @@ def _add_motion(parser: argparse._ActionsContainer) -> None:
         help="Write a gentle sway of the rig as a loop of so many frames, 2 or more. It includes --rig.",
     )
     parser.add_argument(
+        "--sway-clips",
+        action="store_true",
+        help="Write the sway as value clips, which a shot can loop, shift and stretch, in place of time samples.",
+    )
+    parser.add_argument(
         "--growth",
         metavar="FRAMES",
         type=int,

@@ -180,6 +180,7 @@ def _parameters(options: argparse.Namespace, name: str, work: Path) -> "list[Job
         ("profile", "PATH", "--profile", "the studio's rules for validation, TOML"),
         ("species", "STRING", "--species", "written into the asset"),
         ("hold_back", "INT", "--hold-back", "of every so many photographs one measures the asset"),
+        ("sway", "INT", "--sway", "frames of a loop in which the branches sway"),
         ("seed", "INT", "--seed", "of every random choice"),
     ):
         given = getattr(options, field)

@@ -20,6 +20,7 @@ from usdfoliage.asset.parts.leaf_motion import (
     write_leaf_rig_layer,
 )
 from usdfoliage.asset.parts.part import AssetPlace, Part, copy_map
+from usdfoliage.asset.parts.sway_clips import write_leaf_clips, write_rig_clips
 from usdfoliage.asset.plant import BRANCHES, SKELETON, TO_SKELETON
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
@@ -77,9 +78,18 @@ def write_branch_part(place: AssetPlace, branches: PlantBranches, drawn: DrawnLe
     if rig is not None:
         layers = [f"./{_RIG}"]
         boxes.append(rig.extent_m)  # what sways goes farther
+        if rig.has_clips:  # they go over what holds the rest
+            layers.insert(0, write_rig_clips(payload, name, rig))
         if drawn is not None and rigged_leaves is not None:
-            boxes.append(write_leaf_rig_layer(payload / RIG_LEAVES, name, drawn, rigged_leaves))
+            moves = rigged_leaves.motion
+            boxes.append(
+                write_leaf_rig_layer(payload / RIG_LEAVES, name, drawn, rigged_leaves, has_samples=not rig.has_clips)
+            )
             layers.append(f"./{RIG_LEAVES}")
+            if rig.has_clips and moves is not None:
+                layer, around = write_leaf_clips(payload, name, drawn, moves)
+                boxes += around
+                layers.insert(0, layer)
         moving.append(VariantSet(name="rig", variants={"none": [], "skel": layers}))
     if growth is not None:
         write_growth_layer(payload / _GROWTH, name, growth)

@@ -33,6 +33,7 @@ class BranchRig:
     skins: Mapping[str, Skin]  # by variant of the set branches, of the points of that surface
     extent_m: NDArray[np.float64]  # (2, 3), of what follows, in every frame
     sway_rad: NDArray[np.float64] | None = None  # (T, J, 3), rotation vectors in the joints' frames; None: at rest
+    has_clips: bool = False  # the sway is written as value clips, no time samples
 
     @property
     def frames(self) -> int:
@@ -50,7 +51,7 @@ def write_rig_layer(path: Path, name: str, rigged: BranchRig, extent_m: NDArray[
     skel_root.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(extent_m.astype(np.float32)))
     UsdGeom.Scope.Define(stage, root.AppendPath(RIG))
     joints = author_joints(stage, root.AppendPath(JOINTS), rigged.rig)
-    author_animation(stage, root.AppendPath(ANIMATION), rigged.rig, rigged.sway_rad)
+    author_animation(stage, root.AppendPath(ANIMATION), rigged.rig, None if rigged.has_clips else rigged.sway_rad)
     source = UsdSkel.BindingAPI.Apply(joints.GetPrim()).CreateAnimationSourceRel()
     source.SetTargets([root.AppendPath(ANIMATION)])
     for variant in each_variant(stage, root, "branches", list(rigged.skins)):
@@ -95,8 +96,13 @@ def author_animation(
     rotations = animation.CreateRotationsAttr(_quaternions(rest[:, :3, :3]))
     if sway_rad is not None:
         for frame, turn in enumerate(sway_rad, FIRST_FRAME):
-            rotations.Set(_quaternions(rest[:, :3, :3] @ _rotations(turn)), frame)
+            rotations.Set(joint_rotations(rig, turn), frame)
     return animation
+
+
+def joint_rotations(rig: Rig, turn_rad: NDArray[np.float64]) -> Vt.QuatfArray:
+    """The rotations of an animation, of joints that are turned by rotation vectors (J, 3) in their own frames."""
+    return _quaternions(rig.rest[:, :3, :3] @ _rotations(turn_rad))
 
 
 def author_skin(surface: Usd.Prim, joints: Sdf.Path, skin: Skin) -> None:

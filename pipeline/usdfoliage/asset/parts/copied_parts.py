@@ -18,9 +18,16 @@ from usdfoliage.asset.materials.layer import LEAF_MATERIAL, MATERIALS
 from usdfoliage.asset.own_files import copy_own, is_own, may_hand_on
 from usdfoliage.asset.parts.bare_branches import BARE_LAYER
 from usdfoliage.asset.parts.crown_part import CROWN_LAYER
-from usdfoliage.asset.parts.leaf_motion import GROWTH_LEAVES, RIG_LEAVES, DrawnLeaves, adapt_leaf_motion
+from usdfoliage.asset.parts.leaf_motion import (
+    GROWTH_LEAVES,
+    RIG_LEAVES,
+    DrawnLeaves,
+    adapt_leaf_motion,
+    adapt_moving_leaves,
+)
 from usdfoliage.asset.parts.leaf_part import MATERIAL_LAYER
 from usdfoliage.asset.parts.part import AssetPlace, Box, Part
+from usdfoliage.asset.parts.sway_clips import CLIP_ROOT, LEAF_CLIPS, RIG_CLIPS, clip_files
 from usdfoliage.asset.plant import BARE_BRANCHES, BRANCHES, CROWN, LEAVES, TO_CROWN, TO_SKELETON
 from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.asset.variants import REPRESENTATIONS, VariantSet
@@ -28,7 +35,8 @@ from usdfoliage.errors import AssetError
 
 LOD = "lod"
 _MOVING = ("rig", "growth")  # variant sets whose layers go over those of the others
-_MOTION = frozenset({GROWTH_LEAVES, RIG_LEAVES})  # of leaves: copied where it fits
+_MOTION = frozenset({GROWTH_LEAVES, RIG_LEAVES, LEAF_CLIPS})  # of leaves: copied where it fits
+_CLIPS = frozenset({RIG_CLIPS, LEAF_CLIPS})  # layers that name value clips
 _TIMES = ("startTimeCode", "endTimeCode", "timeCodesPerSecond", "framesPerSecond")
 
 
@@ -178,9 +186,26 @@ def _copy_layers(others: OtherParts, layers: Iterable[str], place: AssetPlace, d
         _check_layer(others.interface, source, layer)
         copied = _open_renamed(source / layer, others.name, place.name)
         _copy_pictures(copied, Sdf.Path.absoluteRootPath, source, place.payload)
-        if drawn is not None and layer.removeprefix("./") in _MOTION:
+        file = layer.removeprefix("./")
+        if file in _CLIPS:
+            boxes += _copy_clips(others.interface, file, place, drawn)
+        elif drawn is not None and file in _MOTION:
             boxes += adapt_leaf_motion(copied, place.name, drawn)
         save_layer(copied, place.payload / layer)
+    return boxes
+
+
+def _copy_clips(interface: Path, layer: str, place: AssetPlace, drawn: DrawnLeaves | None) -> list[Box]:
+    """Copy the value clips that a layer of ours names; returns boxes around leaves that move in them."""
+    source = interface.parent / "payload"
+    boxes = []
+    for file in clip_files(layer):
+        _check_layer(interface, source, file)
+        copied = open_copy(source / file)
+        if drawn is not None and layer == LEAF_CLIPS and file.endswith(".usdc"):
+            boxes += adapt_moving_leaves(copied, Sdf.Path(f"/{CLIP_ROOT}/{LEAVES}"), drawn)
+        (place.payload / file).parent.mkdir(exist_ok=True)
+        save_layer(copied, place.payload / file)
     return boxes
 
 

@@ -83,11 +83,20 @@ def write_leaf_growth_layer(path: Path, name: str, drawn: DrawnLeaves, motion: L
     return box_around(boxes) if boxes else leaf_bounds_m(_edited(drawn, drawn.leaves), drawn.jitter)
 
 
-def write_leaf_rig_layer(path: Path, name: str, drawn: DrawnLeaves, rigged: RiggedLeaves) -> Box:
+def write_leaf_rig_layer(
+    path: Path, name: str, drawn: DrawnLeaves, rigged: RiggedLeaves, *, has_samples: bool = True
+) -> Box:
     """Write leaves that follow joints; returns a box around them in all frames of the animation.
 
     mesh and subdiv are bound to the joints, all points of a leaf with the same weights. No renderer skins an instancer,
     or patches: they have time samples of the animation, where there is one; too many patches stay.
+
+    Args:
+        path: Of the layer.
+        name: Of the root prim.
+        drawn: The leaves.
+        rigged: How they follow.
+        has_samples: False leaves out the time samples, where value clips hold them.
     """
     stage = new_layer(path, name)
     motion = rigged.motion
@@ -106,9 +115,11 @@ def write_leaf_rig_layer(path: Path, name: str, drawn: DrawnLeaves, rigged: Rigg
             author_skin(stage.OverridePrim(prim), root.AppendPath(JOINTS), skin)
             if motion is not None:
                 boxes.append(_within_reach(points_m, drawn.leaves, motion))
-        elif motion is not None and representation == "bezier":
+        elif motion is None or not has_samples:
+            continue
+        elif representation == "bezier":
             boxes.append(author_moving_leaves(UsdGeom.PointInstancer(stage.OverridePrim(prim)), drawn, motion))
-        elif motion is not None and len(drawn.leaves) <= MAX_PATCHES:
+        elif len(drawn.leaves) <= MAX_PATCHES:
             boxes.append(author_moving_patches(stage, prim, drawn, motion))
     export_layer(stage, path)
     return box_around(boxes)
@@ -157,11 +168,16 @@ def adapt_leaf_motion(layer: Sdf.Layer, name: str, drawn: DrawnLeaves) -> list[B
     Returns:
         These extents (2, 3), a frame each.
     """
-    boxes = []
     variants = layer.GetPrimAtPath(f"/{name}").variantSets["representation"]
     for gone in [variant for each, variant in variants.variants.items() if each not in drawn.representations]:
         variants.RemoveVariant(gone)
     prim = Sdf.Path(f"/{name}").AppendVariantSelection("representation", "bezier").AppendPath(LEAVES)
+    return adapt_moving_leaves(layer, prim, drawn)
+
+
+def adapt_moving_leaves(layer: Sdf.Layer, prim: Sdf.Path, drawn: DrawnLeaves) -> list[Box]:
+    """Make the extents of the instancer at prim, in every frame, those of these leaves; returns them (2, 3)."""
+    boxes = []
     extent = prim.AppendProperty("extent")
 
     def at(field: str, time: float, still: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.branch.cage.sectors import SIDES
@@ -11,6 +12,7 @@ from usdfoliage.branch.model import Skeleton
 
 _BLOCK = 500_000  # pairs of a point and a segment that are looked at together
 _STEP = 0.2  # of the parent's radius, between places where a branch may be out
+_NEAR_SAMPLES = 16  # of axes, among which that of the nearest bark is: a thick branch has it farther from its axis
 _STEPS = 40  # a branch along its parent for longer than so many is taken to be out
 
 
@@ -74,6 +76,46 @@ def find_places(skeleton: Skeleton, points_m: NDArray[np.float64], curve: NDArra
         share=share,
         arc_m=(1 - share) * arc_m[vertex] + share * arc_m[vertex + 1],
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AxisSamples:
+    """S points on axes, evenly along each segment."""
+
+    points_m: NDArray[np.float64]  # (S, 3)
+    vertex: NDArray[np.int64]  # (S,), index into the skeleton's points, of the segment's first
+
+
+def sample_axes(skeleton: Skeleton, apart_m: float) -> AxisSamples:
+    """Points on the axes of branches, at most apart_m metres from the next, and at least one on each segment."""
+    segment = np.flatnonzero(np.diff(skeleton.curve) == 0)
+    start_m, end_m = skeleton.points_m[segment], skeleton.points_m[segment + 1]
+    length_m = np.linalg.norm(end_m - start_m, axis=1)
+    count = np.maximum(np.ceil(length_m / apart_m), 1).astype(np.int64)
+    each = np.repeat(np.arange(len(segment)), count)
+    share = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[each]
+    return AxisSamples(points_m=start_m[each] + share[:, None] * (end_m - start_m)[each], vertex=segment[each])
+
+
+def nearest_places(
+    skeleton: Skeleton, points_m: NDArray[np.float64], curves: NDArray[np.integer], apart_m: float
+) -> Places:
+    """The place whose bark is nearest to each point.
+
+    Args:
+        skeleton: Whose axes.
+        points_m: (P, 3).
+        curves: Branches that may be chosen, one at least.
+        apart_m: How finely axes are looked at, in metres.
+    """
+    samples = sample_axes(skeleton, apart_m)
+    mine = np.isin(skeleton.curve[samples.vertex], curves)
+    axis_m, vertex = samples.points_m[mine], samples.vertex[mine]
+    near = min(_NEAR_SAMPLES, len(vertex))
+    away_m, found = cKDTree(axis_m).query(points_m, k=list(range(1, near + 1)))
+    from_bark_m = np.asarray(away_m) - skeleton.radius_m[vertex[found]]
+    nearest = np.take_along_axis(np.asarray(found), from_bark_m.argmin(axis=1)[:, None], 1)[:, 0]
+    return find_places(skeleton, points_m, skeleton.curve[vertex[nearest]])
 
 
 def places_at(skeleton: Skeleton, curve: NDArray[np.integer], arc_m: NDArray[np.float64]) -> Places:

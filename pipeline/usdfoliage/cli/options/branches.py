@@ -125,4 +125,6 @@ def _read_motion(options: argparse.Namespace) -> BranchMotion:
         rig = RigSettings() if options.rig_order is None else RigSettings(order=options.rig_order)
     if options.sway is not None:
         sway = SwaySettings(frames=options.sway)
-    return BranchMotion(rig=rig, sway=sway, growth_frames=options.growth or 0)
+    elif options.sway_clips:
+        raise FoliageError("--sway-clips is of a sway", "add --sway")
+    return BranchMotion(rig=rig, sway=sway, sway_clips=options.sway_clips, growth_frames=options.growth or 0)

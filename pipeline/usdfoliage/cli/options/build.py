@@ -27,6 +27,7 @@ def add_plan(parser: argparse._ActionsContainer) -> None:
     )
     parser.add_argument("--species", metavar="NAME", help=describe_setting(PlantSettings(), "species"))
     parser.add_argument("--hold-back", metavar="N", type=int, help=describe_setting(PlantSettings(), "hold_back"))
+    parser.add_argument("--sway", metavar="FRAMES", type=int, help=describe_setting(PlantSettings(), "sway_frames"))
     parser.add_argument("--seed", metavar="N", type=int, help=describe_setting(SeedSettings(), "seed"))
     parser.add_argument(
         "--profile",
@@ -111,6 +112,8 @@ def read_settings(options: argparse.Namespace) -> "BuildSettings":
             settings = replace(settings, plant=replace(settings.plant, species=options.species))
         if options.hold_back is not None:
             settings = replace(settings, plant=replace(settings.plant, hold_back=options.hold_back))
+        if options.sway is not None:
+            settings = replace(settings, plant=replace(settings.plant, sway_frames=options.sway))
         return with_seed(settings, settings.seed if options.seed is None else options.seed)
     except ValueError as error:
         raise FoliageError(f"--{error}") from error

@@ -26,11 +26,13 @@ from usdfoliage.branch.motion.growth_stages import (
 from usdfoliage.branch.motion.leaf_motion import carry_leaves, sway_leaves
 from usdfoliage.branch.motion.rig import RigSettings, build_rig, skin_places
 from usdfoliage.branch.motion.skinning import pose_joints, skin_points
-from usdfoliage.branch.motion.surface_places import cage_exits, cage_places, places_at
+from usdfoliage.branch.motion.surface_places import cage_exits, cage_places, nearest_places, places_at
 from usdfoliage.branch.motion.sway import SwaySettings, sway_joints
 from usdfoliage.branch.tracing.reconstruct import TracedBranches
 from usdfoliage.jobs.branches.foliage import GrownLeaves
 from usdfoliage.leaf.model import Leaves
+
+_SAMPLES_A_LEAF = 4  # of axes, in the length of a leaf, where the branch next to its base is looked for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +41,7 @@ class BranchMotion:
 
     rig: RigSettings | None = None
     sway: SwaySettings | None = None  # of the rig
+    sway_clips: bool = False  # the sway is written as value clips, no time samples
     growth_frames: int = 0
 
     def describe(self) -> dict[str, str]:
@@ -48,6 +51,8 @@ class BranchMotion:
             described["rig-order"] = str(self.rig.order)
         if self.sway is not None:
             described["sway"] = str(self.sway.frames)
+            if self.sway_clips:
+                described["sway-clips"] = "on"
         if self.growth_frames:
             described["growth"] = str(self.growth_frames)
         return described
@@ -70,16 +75,35 @@ def rig_branches(skeleton: Skeleton, surfaces: BranchSurfaces, motion: BranchMot
         for turn_rad in sway_rad:
             points_m = skin_points(rig, skins[ALL_ORDERS], surfaces.whole.points_m, pose_joints(rig, turn_rad))
             low_m, high_m = np.minimum(low_m, points_m.min(axis=0)), np.maximum(high_m, points_m.max(axis=0))
-    return BranchRig(rig=rig, skins=skins, extent_m=np.stack([low_m, high_m]), sway_rad=sway_rad)
+    return BranchRig(
+        rig=rig,
+        skins=skins,
+        extent_m=np.stack([low_m, high_m]),
+        sway_rad=sway_rad,
+        has_clips=sway_rad is not None and motion.sway_clips,
+    )
 
 
-def rig_leaves(rigged: BranchRig | None, grown: GrownLeaves | None) -> RiggedLeaves | None:
-    """How leaves follow the rig of their branches, and where they are in its sway; None without a rig or leaves."""
+def rig_grown_leaves(rigged: BranchRig | None, grown: GrownLeaves | None) -> RiggedLeaves | None:
+    """rig_leaves for leaves on twigs; None without a rig or leaves."""
     if rigged is None or grown is None:
         return None
-    leaves = grown.foliage.leaves
+    return rig_leaves(rigged, grown.foliage.leaves, grown.places.branch, grown.places.arc_m)
+
+
+def rig_leaves(
+    rigged: BranchRig, leaves: Leaves, branch: NDArray[np.integer], arc_m: NDArray[np.float64]
+) -> RiggedLeaves:
+    """How leaves follow the rig of their branches, and where they are in its sway.
+
+    Args:
+        rigged: The branches.
+        leaves: (N,), at rest.
+        branch: (N,), which branch each follows.
+        arc_m: (N,), at which length along it, in metres.
+    """
     rig, sway_rad = rigged.rig, rigged.sway_rad
-    skin = skin_places(rig, grown.places.branch, grown.places.arc_m)
+    skin = skin_places(rig, branch, arc_m)
     if sway_rad is None:
         return RiggedLeaves(skin=skin)
 
@@ -89,6 +113,20 @@ def rig_leaves(rigged: BranchRig | None, grown: GrownLeaves | None) -> RiggedLea
         return replace(leaves, base_m=base_m, orientation=orientation)
 
     return RiggedLeaves(skin=skin, motion=LeafMotion(frames=len(sway_rad), placed=placed))
+
+
+def rig_near_leaves(rigged: BranchRig, skeleton: Skeleton, leaves: Leaves, drawn: NDArray[np.integer]) -> RiggedLeaves:
+    """rig_leaves for leaves that were found: each follows the branch whose bark is nearest to its base.
+
+    Args:
+        rigged: The branches.
+        skeleton: Theirs.
+        leaves: (N,), at least one, at rest.
+        drawn: Branches that the surface shows.
+    """
+    apart_m = float(np.median(leaves.length_m)) / _SAMPLES_A_LEAF
+    places = nearest_places(skeleton, leaves.base_m, drawn, apart_m)
+    return rig_leaves(rigged, leaves, places.curve, places.arc_m)
 
 
 def grow_branches(

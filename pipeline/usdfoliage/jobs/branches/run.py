@@ -37,7 +37,7 @@ from usdfoliage.jobs.branches.foliage import (
     read_fitted_leaves,
 )
 from usdfoliage.jobs.branches.known_stems import KnownStems
-from usdfoliage.jobs.branches.motion import BranchMotion, grow_branches, rig_branches, rig_leaves
+from usdfoliage.jobs.branches.motion import BranchMotion, grow_branches, rig_branches, rig_grown_leaves
 from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, regrow_branches, vary_branches
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.branches.tracing import FindStems, trace_cloud
@@ -312,7 +312,7 @@ def _make_plant(
         leaves=grown.foliage if grown else None,
         rig=rig,
         growth=growth,
-        rigged_leaves=rig_leaves(rig, grown),
+        rigged_leaves=rig_grown_leaves(rig, grown),
         remarks=tuple(remarks),
         rows=grown.rows if grown else (),
     )

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from usdfoliage.asset.variants import check_representations
 from usdfoliage.capture.folder.hold_back import check_hold_back
 
+MAX_SWAY_FRAMES = 10_000
+
 
 @dataclass(frozen=True, kw_only=True)
 class SeedSettings:
@@ -29,9 +31,18 @@ class PlantSettings:
     # Every N-th photograph from the third on is withheld: nothing is made of it, and the report measures the asset by
     # it. This is N; 0 holds no photograph back. Range: 0, or 2 or more.
     hold_back: int = 0
+    # The branches get joints, and a gentle sway that is a loop of this many frames; leaves follow. The variant rig=skel
+    # shows it. 0 leaves both out. Range: 0, or 2 to 10000.
+    sway_frames: int = 0
+    # true writes the sway as value clips, which a shot can loop, shift and stretch; false writes time samples.
+    sway_clips: bool = False
     version: str = "1"  # The version of the asset is written into its assetInfo.
 
     def __post_init__(self) -> None:
         check_hold_back(self.hold_back)
+        if self.sway_frames and not 2 <= self.sway_frames <= MAX_SWAY_FRAMES:
+            raise ValueError(f"sway_frames must be 0, or 2 to {MAX_SWAY_FRAMES}, not {self.sway_frames}")
+        if self.sway_clips and not self.sway_frames:
+            raise ValueError("sway_clips is of a sway: set sway_frames too")
         if self.representations is not None:
             check_representations(self.representations)

@@ -1,6 +1,7 @@
 """The task that makes one asset of a plant's parts, in one frame."""
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from textwrap import shorten
 
@@ -12,17 +13,22 @@ from usdfoliage import __version__
 from usdfoliage.asset.packages.asset_shape import AssetShape
 from usdfoliage.asset.packages.cards import AssetPictures
 from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
+from usdfoliage.asset.parts.branch_part import PlantBranches
+from usdfoliage.asset.parts.leaf_part import BranchLeaves
 from usdfoliage.asset.provenance import Provenance, combined_sha256, package_versions
 from usdfoliage.branch.model_file import TracedPlant
+from usdfoliage.branch.motion.rig import RigSettings
+from usdfoliage.branch.motion.sway import SwaySettings
 from usdfoliage.capture.cloud_files.ply import read_cloud
 from usdfoliage.errors import FitError, PreviewError, PreviewTimeoutError
 from usdfoliage.files.npz import write_arrays
+from usdfoliage.jobs.branches.motion import BranchMotion, rig_branches, rig_near_leaves
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.pages.cards import draw_cards
 from usdfoliage.jobs.plant.pages.pictures import draw_thumbnail
-from usdfoliage.jobs.plant.settings import STAGE_SETTINGS
+from usdfoliage.jobs.plant.settings import STAGE_SETTINGS, BuildSettings
 from usdfoliage.jobs.plant.stages.foliage import ChosenFoliage, choose_foliage, leaf_cover, near_leaves
 from usdfoliage.jobs.plant.stages.isolate import plant_capture
 from usdfoliage.jobs.plant.stages.models import (
@@ -90,6 +96,12 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         )
         remarks.append(remark("crown-left-out", text))
 
+    if call.settings.plant.sway_frames:
+        if branches is None:
+            text = "the plant does not sway: it has no branches that joints could turn"
+            remarks.append(remark("sway-without-branches", text))
+        else:
+            branches = add_sway(branches, chosen.leaves, call.settings)
     if few:
         instead = ", so that the lod crown is shown" if crown is not None else ""
         text = (
@@ -175,6 +187,22 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     ]
     write_summary(call.out, StageSummary(rows=rows, remarks=remarks, poor=bool(undrawn)))
     return ()
+
+
+def add_sway(branches: PlantBranches, foliage: BranchLeaves | None, settings: BuildSettings) -> PlantBranches:
+    """The branches with joints and a sway; leaves follow the branch whose bark is nearest to their base."""
+    wanted = settings.plant
+    motion = BranchMotion(rig=RigSettings(), sway=SwaySettings(frames=wanted.sway_frames), sway_clips=wanted.sway_clips)
+    skeleton, surfaces = branches.skeleton.skeleton, branches.surfaces
+    rig = rig_branches(skeleton, surfaces, motion, settings.seed)
+    assert rig is not None
+    leaves = None if foliage is None or not len(foliage.leaves) else foliage.leaves
+    drawn = np.unique(surfaces.whole.curve)
+    return replace(
+        branches,
+        rig=rig,
+        rigged_leaves=None if leaves is None else rig_near_leaves(rig, skeleton, leaves, drawn),
+    )
 
 
 def describe_guessed_leaves(chosen: ChosenFoliage) -> str:

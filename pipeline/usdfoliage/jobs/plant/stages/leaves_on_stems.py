@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.motion.surface_places import sample_axes
 from usdfoliage.jobs.plant.stages.plant_hue import find_plant_hue
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.measures import leaf_width
@@ -21,21 +22,16 @@ _DULLER = 2.7  # of what hues of leaves are off at most: a piece of a stem as wi
 
 def lie_along_stems(leaves: Leaves, skeleton: Skeleton) -> NDArray[np.bool_]:
     """(N,) leaves that are hardly wider than a stem whose course they follow; both in one frame, in metres."""
-    steps = np.flatnonzero(np.diff(skeleton.curve) == 0)
-    if not len(leaves) or not len(steps):
+    if not len(leaves) or not (np.diff(skeleton.curve) == 0).any():
         return np.zeros(len(leaves), bool)
-    start_m, end_m = skeleton.points_m[steps], skeleton.points_m[steps + 1]
-    length_m = np.linalg.norm(end_m - start_m, axis=1)
-    apart_m = float(np.median(leaves.length_m)) / (2 * _ALONG)
-    count = np.maximum(np.ceil(length_m / apart_m), 1).astype(np.int64)
-    step = np.repeat(np.arange(len(steps)), count)
-    share = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[step]
-    axis_m = start_m[step] + share[:, None] * (end_m - start_m)[step]
-    along = (end_m - start_m)[step] / np.maximum(length_m[step], 1e-12)[:, None]
+    samples = sample_axes(skeleton, float(np.median(leaves.length_m)) / (2 * _ALONG))
+    start = samples.vertex
+    along = skeleton.points_m[start + 1] - skeleton.points_m[start]
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
     places = np.column_stack([np.zeros(_ALONG), np.linspace(0.05, 0.95, _ALONG)])
     points_m = evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf())
-    away_m, nearest = (np.asarray(each) for each in cKDTree(axis_m).query(points_m.reshape(-1, 3)))
-    radius_m = skeleton.radius_m[steps][step][nearest].reshape(len(leaves), _ALONG)
+    away_m, nearest = (np.asarray(each) for each in cKDTree(samples.points_m).query(points_m.reshape(-1, 3)))
+    radius_m = skeleton.radius_m[start][nearest].reshape(len(leaves), _ALONG)
     away_m = away_m.reshape(len(leaves), _ALONG)
     course = np.gradient(points_m, axis=1)
     course /= np.maximum(np.linalg.norm(course, axis=2, keepdims=True), 1e-12)
