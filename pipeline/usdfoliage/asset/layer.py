@@ -63,6 +63,10 @@ def author_frames(stage: Usd.Stage, count: int) -> None:
 
 
 def bind_material(stage: Usd.Stage, path: Sdf.Path, material: Sdf.Path) -> None:
-    """Bind the material, which another layer may hold, on the prim at path."""
-    binding = UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(path))
-    binding.Bind(UsdShade.Material(stage.OverridePrim(material)))
+    """Bind the material, which another layer may hold, on the prim at path.
+
+    The layer gets no spec of the material: such an over would be an empty prim wherever the layer is brought in alone.
+    """
+    prim = stage.GetPrimAtPath(path)
+    UsdShade.MaterialBindingAPI.Apply(prim)
+    prim.CreateRelationship(UsdShade.Tokens.materialBinding, custom=False).SetTargets([material])

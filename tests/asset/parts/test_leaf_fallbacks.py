@@ -193,6 +193,18 @@ def test_a_fallback_keeps_the_leaves_as_a_guide(tmp_path, representation):
     assert not find_leaves(flat) or representation == "nurbs"
 
 
+@pytest.mark.parametrize("representation", EVERYTHING[1:])
+def test_a_guide_holds_no_material(tmp_path, representation):
+    stage = choose(write_spray(tmp_path), representation)
+    guide = stage.GetPrimAtPath("/spray/geo/guide")
+    below = list(Usd.PrimRange(guide, Usd.PrimAllPrimsPredicate))
+    assert [prim.GetPath() for prim in below if prim.IsA(UsdShade.Material) or prim.IsA(UsdShade.Shader)] == []
+    assert all(prim.IsDefined() for prim in below)
+    prototype = stage.GetPrimAtPath("/spray/geo/guide/Leaves/geo/render/Leaves/Prototypes/Leaf")
+    bound, _ = UsdShade.MaterialBindingAPI(prototype).ComputeBoundMaterial()
+    assert bound.GetPath() == "/spray/mtl/Leaf"
+
+
 def test_no_guide_without_the_instancer(tmp_path):
     stage = choose(write_spray(tmp_path, random_leaves(2), representations=("mesh",)), "mesh")
     assert not stage.GetPrimAtPath("/spray/geo/guide")

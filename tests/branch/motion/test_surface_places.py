@@ -5,7 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from usdfoliage.branch.cage.build import build_branch_cage
-from usdfoliage.branch.motion.surface_places import arcs_of, axis_exits, cage_exits, cage_places, find_places, places_at
+from usdfoliage.branch.motion.surface_places import (
+    arcs_of,
+    axis_exits,
+    cage_exits,
+    cage_places,
+    find_places,
+    nearest_places,
+    places_at,
+    sample_axes,
+)
 
 from tests.support.branch_shapes import fork, plant_of, random_tree
 
@@ -17,6 +26,31 @@ def test_the_nearest_place_of_a_branch_is_found():
     assert places.arc_m == pytest.approx([0.5, 2, 0.25])
     assert places.between(plant.points_m) == pytest.approx(np.array([[0, 0.5, 0], [0, 2, 0], [0.25, 1, 0]]))
     assert places.between(plant.radius_m) == pytest.approx([0.05, 0.05, 0.03])
+
+
+def test_the_nearest_bark_may_be_that_of_the_farther_axis():
+    thick, thin = ([[0, 0, 0], [0, 2, 0]], 0.5), ([[1, 0, 0], [1, 2, 0]], 0.1)
+    plant = plant_of((*thick, None, None), (*thin, None, None))
+    points_m = np.array([[0.55, 1, 0], [0.85, 0.4, 0], [0.69, 1.3, 0], [0.71, 1.3, 0]])  # the middle of the gap is 0.7
+    places = nearest_places(plant, points_m, np.array([0, 1]), apart_m=0.01)
+    assert places.curve.tolist() == [0, 1, 0, 1]
+    assert places.arc_m == pytest.approx([1, 0.4, 1.3, 1.3])
+    alone = nearest_places(plant, points_m, np.array([1]), apart_m=0.01)
+    assert alone.curve.tolist() == [1, 1, 1, 1]
+
+
+@pytest.mark.parametrize("apart_m", [0.3, 0.7, 5.0])
+def test_samples_of_axes_are_no_farther_apart_than_that(apart_m):
+    plant = fork()
+    samples = sample_axes(plant, apart_m)
+    assert np.array_equal(np.unique(samples.vertex), [0, 1, 3, 5])
+    for vertex in (0, 1, 3, 5):
+        start_m, end_m = plant.points_m[vertex], plant.points_m[vertex + 1]
+        along_m = np.linalg.norm(samples.points_m[samples.vertex == vertex] - start_m, axis=1)
+        length_m = np.linalg.norm(end_m - start_m)
+        gaps_m = np.diff(np.concatenate([[-along_m[0]], along_m, [2 * length_m - along_m[-1]]]))
+        assert (gaps_m <= apart_m + 1e-9).all() or len(along_m) == 1
+        assert gaps_m == pytest.approx(gaps_m[0])
 
 
 @given(seed=st.integers(0, 10_000), share=st.floats(0, 1))

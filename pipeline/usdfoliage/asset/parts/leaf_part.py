@@ -116,6 +116,8 @@ def write_leaf_part(place: AssetPlace, foliage: BranchLeaves) -> Part:
     )
     layers = {representation: [f"./{REPRESENTATIONS[representation]}"] for representation in representations}
     if has_guide:
+        source = f"./{REPRESENTATIONS['bezier']}"
+        write_leaves_guide_layer(place.payload / LEAVES_GUIDE, place.name, source)
         for representation in layers.keys() - {"bezier"}:
             layers[representation].append(f"./{LEAVES_GUIDE}")
     return Part(
@@ -127,7 +129,6 @@ def write_leaf_part(place: AssetPlace, foliage: BranchLeaves) -> Part:
         guides_m=[boxes[representations.index("bezier")]] if has_guide else [],
         inside=[VariantSet(name="representation", variants=layers, inside=("leaves",))],
         detail_m=float(np.median(foliage.leaves.length_m)) if len(foliage.leaves) else None,
-        finish=partial(_write_guide, place) if has_guide else None,
     )
 
 
@@ -158,12 +159,6 @@ def leaf_jitter(edits: LeafEdits, appearance: LeafAppearance) -> Jitter:
         frequency=edits.jitter_frequency,
         map=read_jitter_map(appearance.jitter_map) if appearance.jitter_map is not None else None,
     )
-
-
-def _write_guide(place: AssetPlace, _: Box) -> None:
-    """The layer of the guide brings whole layers, that of the materials too, which is there at last."""
-    layers = [f"./{REPRESENTATIONS['bezier']}", f"./{MATERIAL_LAYER}"]
-    write_leaves_guide_layer(place.payload / LEAVES_GUIDE, place.name, layers)
 
 
 def _author_material(stage: Usd.Stage, root: Sdf.Path, leaf: LeafMaterial) -> None:

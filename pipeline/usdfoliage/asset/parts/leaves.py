@@ -158,12 +158,12 @@ def write_leaves_layer(path: Path, name: str, prim: LeavesPrim) -> NDArray[np.fl
     return prim.extent_m
 
 
-def write_leaves_guide_layer(path: Path, name: str, layers: Sequence[str]) -> None:
-    """Write a layer that keeps the leaves of layers as a guide, for where another representation is shown.
+def write_leaves_guide_layer(path: Path, name: str, leaves: str) -> None:
+    """Write a layer that keeps the leaves of the layer at leaves as a guide, where another representation is shown.
 
     Their parameters then stay in the asset whatever is selected: a shot that is flattened with meshes can be edited
-    again, and the guide shows what the fallback stands for. It brings whole layers, of the leaves and of
-    their material, since a reference to a part of one would lose the binding.
+    again, and the guide shows what the fallback stands for. It brings the whole layer, since the binding of a part
+    of it leads out of that part. It is made anew, to the plant's own material: a guide has no materials of its own.
     """
     stage = new_layer(path, name)
     guide = Sdf.Path(f"/{name}/{LEAVES_GUIDE}")
@@ -171,8 +171,8 @@ def write_leaves_guide_layer(path: Path, name: str, layers: Sequence[str]) -> No
     UsdGeom.Imageable(stage.GetPrimAtPath(guide.GetParentPath())).CreatePurposeAttr(UsdGeom.Tokens.guide)
     prim = UsdGeom.Xform.Define(stage, guide).GetPrim()
     prim.SetDocumentation("The leaves with their parameters, as the representation bezier has them before any look.")
-    for layer in layers:
-        prim.GetReferences().AddReference(layer)
+    prim.GetReferences().AddReference(leaves)
+    bind_material(stage, guide.AppendPath(f"{LEAVES}/{PROTOTYPE}"), Sdf.Path(f"/{name}/{LEAF_MATERIAL}"))
     export_layer(stage, path)
 
 

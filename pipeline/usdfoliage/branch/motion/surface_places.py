@@ -12,7 +12,7 @@ from usdfoliage.branch.model import Skeleton
 
 _BLOCK = 500_000  # pairs of a point and a segment that are looked at together
 _STEP = 0.2  # of the parent's radius, between places where a branch may be out
-_NEAR_SAMPLES = 16  # of axes, among which that of the nearest bark is: a thick branch has it farther from its axis
+_ONE_RADIUS = 1.3  # times the smallest radius, up to which those of axes count as one
 _STEPS = 40  # a branch along its parent for longer than so many is taken to be out
 
 
@@ -111,10 +111,16 @@ def nearest_places(
     samples = sample_axes(skeleton, apart_m)
     mine = np.isin(skeleton.curve[samples.vertex], curves)
     axis_m, vertex = samples.points_m[mine], samples.vertex[mine]
-    near = min(_NEAR_SAMPLES, len(vertex))
-    away_m, found = cKDTree(axis_m).query(points_m, k=list(range(1, near + 1)))
-    from_bark_m = np.asarray(away_m) - skeleton.radius_m[vertex[found]]
-    nearest = np.take_along_axis(np.asarray(found), from_bark_m.argmin(axis=1)[:, None], 1)[:, 0]
+    radius_m = skeleton.radius_m[vertex]
+    # Among axes of one radius the nearest axis is that of the nearest bark.
+    radius_class = np.floor(np.log(radius_m) / np.log(_ONE_RADIUS))
+    nearest, from_bark_m = np.zeros(len(points_m), np.int64), np.full(len(points_m), np.inf)
+    for number in np.unique(radius_class):
+        some = np.flatnonzero(radius_class == number)
+        away_m, found = (np.asarray(each) for each in cKDTree(axis_m[some]).query(points_m, workers=-1))
+        away_m = away_m - radius_m[some[found]]
+        nearer = away_m < from_bark_m
+        nearest[nearer], from_bark_m[nearer] = some[found[nearer]], away_m[nearer]
     return find_places(skeleton, points_m, skeleton.curve[vertex[nearest]])
 
 

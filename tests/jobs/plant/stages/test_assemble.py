@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pxr import Usd
+from pxr import Usd, UsdGeom, UsdSkel
 from usdfoliage.asset.packages.contents import interface_of
 from usdfoliage.asset.parts.leaf_part import BranchLeaves
 from usdfoliage.branch.cage.build import build_branch_cage
@@ -109,12 +109,9 @@ def test_leaves_that_cover_little_or_are_wrong_do_not_stand_for_the_plant(
     assert ("crown" in stage.GetDefaultPrim().GetVariantSet("lod").GetVariantNames()) == has_crown
 
 
-@pytest.mark.parametrize(("width_m", "lod"), [(0.1, "leaves"), (3.0, "crown")])
-def test_branches_that_reach_little_of_the_cloud_do_not_stand_for_the_plant(tmp_path, width_m, lod):
-    """A fork in a cloud as slim as it is, and in one that is much wider."""
-    results = {name: tmp_path / name for name in ("branches", "crown")}
-    rng = np.random.default_rng(0)
-    around_m = rng.uniform([-width_m, 0, -width_m], [width_m, 2, width_m], (3000, 3))
+def fork_call(folder: Path, points_m: np.ndarray, settings: BuildSettings, leaves: Leaves | None = None):
+    """The stage's call for a fork in a cloud, with a crown, and leaves if any."""
+    results = {name: folder / name for name in ("branches", "crown", *(["leaves"] if leaves is not None else []))}
     skeleton = fork()
     write_branches_model(
         results["branches"] / "branches.npz",
@@ -127,8 +124,8 @@ def test_branches_that_reach_little_of_the_cloud_do_not_stand_for_the_plant(tmp_
     write_traced_plant(
         results["branches"] / "plant.npz",
         TracedPlant(
-            points_m=np.concatenate([skeleton.points_m, around_m]),
-            wood=np.zeros(len(skeleton.points_m) + 3000, bool),
+            points_m=np.concatenate([skeleton.points_m, points_m]),
+            wood=np.zeros(len(skeleton.points_m) + len(points_m), bool),
             knows_leaves=True,
             colors=None,
             plant_from_capture=np.eye(4),
@@ -137,20 +134,28 @@ def test_branches_that_reach_little_of_the_cloud_do_not_stand_for_the_plant(tmp_
         ),
     )
     write_crown_model(results["crown"] / "crown.npz", MadeCrown(model=round_crown(), overlap=0.8))
-    settings = BuildSettings()
+    if leaves is not None:
+        write_leaves_model(results["leaves"] / "leaves.npz", LeavesModel(leaves=leaves, asset_from_capture=np.eye(4)))
+        write_summary(results["leaves"], StageSummary(rows=[], remarks=[]))
     call = SimpleNamespace(
-        out=tmp_path / "out",
+        out=folder / "out",
         inputs=SimpleNamespace(name="fork", source=Path("fork.ply"), digests=()),
-        settings=replace(
-            settings,
-            pictures=PictureStageSettings(make=False),
-            foliage=replace(settings.foliage, kind="none"),
-        ),
+        settings=replace(settings, pictures=PictureStageSettings(make=False)),
         request=SimpleNamespace(name="fork", capture=Path("fork.ply")),
         result_of=results.__getitem__,
         has=results.__contains__,
     )
     call.out.mkdir()
+    return call
+
+
+@pytest.mark.parametrize(("width_m", "lod"), [(0.1, "leaves"), (3.0, "crown")])
+def test_branches_that_reach_little_of_the_cloud_do_not_stand_for_the_plant(tmp_path, width_m, lod):
+    """A fork in a cloud as slim as it is, and in one that is much wider."""
+    rng = np.random.default_rng(0)
+    around_m = rng.uniform([-width_m, 0, -width_m], [width_m, 2, width_m], (3000, 3))
+    settings = BuildSettings()
+    call = fork_call(tmp_path, around_m, replace(settings, foliage=replace(settings.foliage, kind="none")))
     assemble_asset(call)  # type: ignore[arg-type]
     stage = Usd.Stage.Open(str(interface_of(call.out / "asset")[0]))
     assert stage.GetDefaultPrim().GetVariantSet("lod").GetVariantSelection() == lod
@@ -158,6 +163,65 @@ def test_branches_that_reach_little_of_the_cloud_do_not_stand_for_the_plant(tmp_
         warning for warning in read_summary(call.out).warning_texts() if "the lod crown is shown" in warning
     ]
     assert len(crown_warnings) == (lod == "crown")
+
+
+@pytest.mark.parametrize("clips", [False, True])
+def test_a_build_sways_with_the_leaves_that_were_found(tmp_path, clips):
+    """The twig's own leaf turns as the twig's joint does, wherever beside it the leaf was found."""
+    tip_m = fork().points_m[6]
+    found = flat_leaves(np.stack([tip_m + np.array([0.02, 0.01, 0]), [0.06, 0.1, 0]]))
+    settings = BuildSettings()
+    settings = replace(
+        settings,
+        plant=replace(settings.plant, sway_frames=6, sway_clips=clips),
+        foliage=replace(settings.foliage, kind="captured"),
+    )
+    call = fork_call(tmp_path, points_on(found), settings, replace(found, confidence=np.full(2, 0.9)))
+    assemble_asset(call)  # type: ignore[arg-type]
+    stage = Usd.Stage.Open(str(interface_of(call.out / "asset")[0]))
+    plant = stage.GetDefaultPrim()
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (1, 6)
+    leaves = UsdGeom.PointInstancer(stage.GetPrimAtPath("/fork/geo/render/Leaves"))
+    assert leaves.GetPositionsAttr().GetNumTimeSamples() == 0  # rig=none
+    plant.GetVariantSets().SetSelection("rig", "skel")
+    joints = UsdSkel.Skeleton(stage.GetPrimAtPath("/fork/geo/render/Rig/Joints"))
+    query = UsdSkel.Cache().GetSkelQuery(joints)
+    twig = list(joints.GetJointsAttr().Get()).index("branch_0/branch_1/branch_2")
+    far_m, near_m = [], []
+    for frame in range(1, 7):
+        turned = np.array(query.ComputeSkinningTransforms(frame)[twig]).T
+        expected_m = turned[:3, :3] @ found.base_m[0] + turned[:3, 3]
+        at_m = np.array(leaves.GetPositionsAttr().Get(frame), float)
+        assert at_m[0] == pytest.approx(expected_m, abs=1e-5)
+        far_m.append(np.linalg.norm(at_m[0] - found.base_m[0]))
+        near_m.append(np.linalg.norm(at_m[1] - found.base_m[1]))
+    assert max(far_m) > 0.02
+    assert max(near_m) < 0.1 * max(far_m)  # at the trunk's foot hardly anything moves
+    assert (call.out / "asset" / "payload" / "rig_clips.usda").is_file() == clips
+
+
+def test_a_sway_without_branches_is_a_warning(tmp_path):
+    write_leaves_model(
+        tmp_path / "leaves" / "leaves.npz", LeavesModel(leaves=two_leaves(), asset_from_capture=np.eye(4))
+    )
+    write_summary(tmp_path / "leaves", StageSummary(rows=[], remarks=[]))
+    settings = BuildSettings()
+    call = SimpleNamespace(
+        out=tmp_path / "out",
+        inputs=SimpleNamespace(name="fern", source=Path("fern"), digests=()),
+        settings=replace(
+            settings,
+            pictures=PictureStageSettings(make=False),
+            plant=replace(settings.plant, sway_frames=6),
+        ),
+        request=SimpleNamespace(name="fern", capture=Path("fern")),
+        result_of=lambda name: tmp_path / name,
+        has=lambda name: name == "leaves",
+    )
+    call.out.mkdir()
+    assemble_asset(call)  # type: ignore[arg-type]
+    summary = read_summary(call.out)
+    assert [each.severity for each in summary.remarks if each.code == "sway-without-branches"] == ["warning"]
 
 
 @pytest.mark.parametrize(
