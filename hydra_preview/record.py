@@ -10,6 +10,7 @@ import math
 import os
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 # How far a shader may displace what an instancer repeats: a part of its size, and so many times how far the instancer's
 # extent reaches beyond what is not displaced, for along a slant less of a displacement shows.
@@ -59,10 +60,10 @@ def message_of(error: Exception) -> str:
     return "; ".join(dict.fromkeys(messages)) or " ".join(str(error).split())
 
 
-def open_stage(path: str, muted: list[str], variants: dict[str, str]):
+def open_stage(path: str, muted: list[str]):
     """The stage of a file with everything loaded, editable in its session layer only.
 
-    Layers are muted by their paths; a variant is selected on every prim that has its set.
+    Layers are muted by their paths.
     """
     from pxr import Tf, Usd
 
@@ -73,8 +74,6 @@ def open_stage(path: str, muted: list[str], variants: dict[str, str]):
     stage.SetEditTarget(stage.GetSessionLayer())
     for layer in muted:
         stage.MuteLayer(layer)
-    for name, chosen in variants.items():
-        select_variant(stage, name, chosen)
     return stage
 
 
@@ -303,7 +302,7 @@ def unresolved_assets(stage) -> list[str]:
     return missing
 
 
-def view_cameras(stage, time, request: dict) -> list:
+def view_cameras(stage, time, views: list[dict], purposes: list[str]) -> list:
     """The camera of every view, in order."""
     from framing import (
         Direction,
@@ -317,21 +316,21 @@ def view_cameras(stage, time, request: dict) -> list:
 
     z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
     shape = None
-    if any("camera" not in view and "pinhole" not in view for view in request["views"]):
-        shape = measure_shape(stage, time, request["purposes"])
-    bound = compute_bound(stage, time, request["purposes"]) if any("pinhole" in v for v in request["views"]) else None
+    if any("camera" not in view and "pinhole" not in view for view in views):
+        shape = measure_shape(stage, time, purposes)
+    bound = compute_bound(stage, time, purposes) if any("pinhole" in view for view in views) else None
 
     def direction_of(view: dict) -> Direction:
         return Direction(azimuth_rad=view["azimuth_rad"], elevation_rad=view["elevation_rad"])
 
     shared: dict[str, float] = {}  # views of one group keep one distance, so that a turntable does not pump
-    for view in request["views"]:
+    for view in views:
         if "group" in view:
             needed = distance_to_fit(shape, direction_of(view), z_up, view["width_px"], view["height_px"])
             shared[view["group"]] = max(needed, shared.get(view["group"], 0.0))
 
     cameras = []
-    for view in request["views"]:
+    for view in views:
         width_px, height_px = view["width_px"], view["height_px"]
         if "camera" in view:
             camera = stage_camera(stage, view["camera"], time)
@@ -348,73 +347,124 @@ def view_cameras(stage, time, request: dict) -> list:
     return cameras
 
 
+class Shown(NamedTuple):
+    """What of the stage some views show, and in which light."""
+
+    variants: tuple[tuple[str, str], ...]
+    purposes: tuple[str, ...]
+    even_light: bool
+
+
+def shown_by(view: dict, request: dict) -> Shown:
+    """What a view shows: its own choice, or that of the request."""
+    return Shown(
+        variants=tuple(view.get("variants", request.get("variants", {})).items()),
+        purposes=tuple(view.get("purposes", request["purposes"])),
+        even_light=view.get("light", request.get("light", "")) == "even",
+    )
+
+
+def show(stage, shown: Shown, time):
+    """Select variants on the stage, and no others in its session layer; how much there is to draw then, and as what.
+
+    Where there is too much, and the lod is not chosen, plants are drawn in a lighter form.
+    """
+    from weight import MAX_TRIANGLES, draw_lighter, weigh
+
+    stage.GetSessionLayer().Clear()
+    for name, chosen in shown.variants:
+        select_variant(stage, name, chosen)
+    weight = weigh(stage, time, list(shown.purposes))
+    lighter = ""
+    if weight.drawn(0) > MAX_TRIANGLES and "lod" not in dict(shown.variants):
+        lighter = draw_lighter(stage)
+        weight = weigh(stage, time, list(shown.purposes))
+    return weight, lighter
+
+
+def choose_common_scale(stage, time, request: dict, groups: dict[Shown, list[int]]) -> int:
+    """By how much all pictures are drawn larger: as the group that has most to draw wants it."""
+    from weight import choose_complexity, choose_scale
+
+    sizes_px = [(view["width_px"], view["height_px"]) for view in request["views"]]
+    scale = 1
+    for shown in groups:
+        weight, _ = show(stage, shown, time)
+        complexity = choose_complexity(weight, request["complexity"])
+        scale = max(scale, choose_scale(weight, complexity, request.get("samples", SAMPLES), sizes_px))
+    return scale
+
+
 def record_views(request: dict) -> dict:
     """Draw every view to its EXR (linear, premultiplied alpha); returns the result but for the versions."""
     from lighting import PREVIEW_ROOT, author_lights, author_sky, has_lights
     from pxr import Sdf, Tf, Usd, UsdAppUtils, UsdGeom
-    from weight import MAX_TRIANGLES, choose_complexity, choose_scale, draw_lighter, weigh
+    from weight import choose_complexity
 
-    stage = open_stage(request["usd_file"], request.get("muted", []), request.get("variants", {}))
+    stage = open_stage(request["usd_file"], request.get("muted", []))
     time = Usd.TimeCode(stage.GetStartTimeCode()) if stage.HasAuthoredTimeCodeRange() else Usd.TimeCode.Default()
     if "frame" in request:
         time = Usd.TimeCode(request["frame"])
     z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
-    weight = weigh(stage, time, request["purposes"])
-    lighter = ""
-    if weight.drawn(0) > MAX_TRIANGLES and "lod" not in request.get("variants", {}):
-        lighter = draw_lighter(stage)
-        weight = weigh(stage, time, request["purposes"])
-    complexity = choose_complexity(weight, request["complexity"])
+    groups: dict[Shown, list[int]] = {}  # views that show the same, drawn one after another
+    for number, view in enumerate(request["views"]):
+        groups.setdefault(shown_by(view, request), []).append(number)
     scale = request.get("scale")
     if scale is None:
-        sizes_px = [(view["width_px"], view["height_px"]) for view in request["views"]]
-        scale = choose_scale(weight, complexity, request.get("samples", SAMPLES), sizes_px)
+        scale = choose_common_scale(stage, time, request, groups)
         if scale > 1:
             raise LargerPictures(scale)
-    cameras = view_cameras(stage, time, request)
-    lit = has_lights(stage)
 
     recorder = UsdAppUtils.FrameRecorder()
     if not recorder.SetRendererPlugin("HdStormRendererPlugin"):
         raise RecordError("usd", "this USD has no Storm (HdStormRendererPlugin)")
-    recorder.SetComplexity(complexity)
     recorder.SetColorCorrectionMode("disabled")  # the product composites in linear light, then encodes sRGB
     recorder.SetCameraLightEnabled(False)
     recorder.SetDomeLightVisibility(False)
-    recorder.SetIncludedPurposes([p for p in request["purposes"] if p != "default"])
 
-    drawn = []
-    camera_prim = UsdGeom.Camera.Define(stage, Sdf.Path(PREVIEW_ROOT).AppendChild("Camera"))
-    for number, (view, camera) in enumerate(zip(request["views"], cameras, strict=True)):
-        width_px, height_px = scale * view["width_px"], scale * view["height_px"]
-        # The recorder rounds the height down; a fiftieth of a pixel keeps it from losing a row.
-        camera.verticalAperture = camera.horizontalAperture * (height_px + 0.02) / width_px
-        camera_prim.SetFromCamera(camera, time)
-        if not lit and request.get("light") == "even":
-            author_sky(stage, z_up, request["dome_texture"])
-        elif not lit:
-            author_lights(stage, camera, z_up, request["dome_texture"])
-        recorder.SetImageWidth(width_px)
-        try:
-            written = recorder.Record(stage, camera_prim, time, view["exr"])
-        except Tf.ErrorException as error:
-            raise RecordError("draw", f"Storm failed: {message_of(error)}") from error
-        if not written or not Path(view["exr"]).exists():
-            raise RecordError("draw", f"Storm wrote no picture {number}")
-        drawn.append(
-            {
+    drawn: dict[int, dict] = {}
+    warnings: list[str] = []
+    complexities, triangles, lighter_forms = [], [], []
+    for shown, numbers in groups.items():
+        weight, lighter = show(stage, shown, time)
+        complexities.append(choose_complexity(weight, request["complexity"]))
+        triangles.append(weight.drawn(0))
+        lighter_forms.append(lighter)
+        views = [request["views"][number] for number in numbers]
+        cameras = view_cameras(stage, time, views, list(shown.purposes))
+        lit = has_lights(stage)
+        recorder.SetComplexity(complexities[-1])
+        recorder.SetIncludedPurposes([purpose for purpose in shown.purposes if purpose != "default"])
+        camera_prim = UsdGeom.Camera.Define(stage, Sdf.Path(PREVIEW_ROOT).AppendChild("Camera"))
+        for number, view, camera in zip(numbers, views, cameras, strict=True):
+            width_px, height_px = scale * view["width_px"], scale * view["height_px"]
+            # The recorder rounds the height down; a fiftieth of a pixel keeps it from losing a row.
+            camera.verticalAperture = camera.horizontalAperture * (height_px + 0.02) / width_px
+            camera_prim.SetFromCamera(camera, time)
+            if not lit and shown.even_light:
+                author_sky(stage, z_up, request["dome_texture"])
+            elif not lit:
+                author_lights(stage, camera, z_up, request["dome_texture"])
+            recorder.SetImageWidth(width_px)
+            try:
+                written = recorder.Record(stage, camera_prim, time, view["exr"])
+            except Tf.ErrorException as error:
+                raise RecordError("draw", f"Storm failed: {message_of(error)}") from error
+            if not written or not Path(view["exr"]).exists():
+                raise RecordError("draw", f"Storm wrote no picture {number}")
+            drawn[number] = {
                 "stage_from_camera": [list(row) for row in camera.transform],  # USD's row vectors
                 "window": [*camera.frustum.window.min, *camera.frustum.window.max],
             }
-        )
-        print(f"usdfoliage-frame {number + 1} {len(cameras)}", flush=True)
+            print(f"usdfoliage-frame {len(drawn)} {len(request['views'])}", flush=True)
+        warnings += unresolved_assets(stage)
     return {
-        "views": drawn,
-        "warnings": unresolved_assets(stage),
-        "complexity": complexity,
+        "views": [drawn[number] for number in range(len(drawn))],
+        "warnings": list(dict.fromkeys(warnings)),
+        "complexity": min(complexities),
         "scale": scale,
-        "triangles": weight.drawn(0),
-        "lighter": lighter,
+        "triangles": max(triangles),
+        "lighter": next((each for each in lighter_forms if each), ""),
     }
 
 

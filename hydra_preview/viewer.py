@@ -30,7 +30,7 @@ def show(request: dict, request_fd: int, reply_fd: int) -> dict:
     from usdviewFoliage.product import inherited_product
     from view_script import ScriptError, run_script, settle
 
-    stage = open_stage(request["usd_file"], [], {})
+    stage = open_stage(request["usd_file"], [])
     if request["capture"]:
         plants = find_plants(stage)
         if not plants:

@@ -14,7 +14,15 @@ from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.geometry.pinhole import Pinhole
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views, finish_picture
 
-from tests.support.preview_stages import CUBE_COLORS, bind_surface, write_ball, write_cube, write_square
+from tests.support.preview_stages import (
+    CUBE_COLORS,
+    bind_surface,
+    define_mesh,
+    new_stage,
+    write_ball,
+    write_cube,
+    write_square,
+)
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 MARGIN = 0.05
@@ -117,6 +125,43 @@ def test_white_is_neither_black_nor_burnt_out_and_lit_from_the_upper_left(ball, 
     assert 0.4 < picture[inside][:, :3].mean() < 0.7
     np.testing.assert_allclose(picture[inside][:, 0], picture[inside][:, 2], atol=0.02)  # neutral
     assert picture[60, 110, 0] > 1.5 * picture[140, 190, 0]
+
+
+def test_views_of_one_start_show_what_each_asks_for(tmp_path):
+    """A card whose variant chooses its colour, and a proxy that is larger: no view changes what another one shows."""
+    scene = tmp_path / "card.usda"
+    stage = new_stage(scene)
+    thing = stage.GetDefaultPrim()
+    corners, face = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]), np.array([[0, 1, 2, 3]])
+    choices = thing.GetVariantSets().AddVariantSet("color")
+    for name, color in (("red", (0.8, 0, 0)), ("blue", (0, 0, 0.8))):
+        choices.AddVariant(name)
+        choices.SetVariantSelection(name)
+        with choices.GetVariantEditContext():
+            define_mesh(stage, "/Thing/Card", corners, face).CreateDisplayColorAttr([color])
+    choices.SetVariantSelection("red")
+    proxy = define_mesh(stage, "/Thing/Proxy", 2 * corners, face)
+    proxy.CreateDisplayColorAttr([(0, 0.8, 0)])
+    proxy.CreatePurposeAttr("proxy")
+    stage.Save()
+    window = {"orthographic": True, "window": (-2.5, 2.5, -2.5, 2.5)}
+    views = [
+        look("front", **window),
+        look("front", variants=(("color", "blue"),), **window),
+        look("front", purposes=("default", "proxy"), **window),
+        look("front", **window),
+        look("front", variants=(("color", "blue"),), even_light=True, **window),
+    ]
+    settings = PreviewSettings(width_px=100, height_px=100)
+    together = draw_views(scene, views, settings)
+    for view, picture in zip(views, together, strict=True):
+        (alone,) = draw_views(scene, [view], settings)
+        assert np.array_equal(picture, alone)
+    middles = [int(np.argmax(picture[50, 50, :3])) for picture in together]
+    assert [middles[number] for number in (0, 1, 3, 4)] == [0, 2, 0, 2]
+    areas = [float((picture[..., 3] > 0.5).mean()) for picture in together]
+    assert areas == pytest.approx([0.16, 0.16, 0.64, 0.16, 0.16], abs=0.01)
+    assert not np.array_equal(together[1], together[4])  # another light
 
 
 @pytest.fixture(scope="module")

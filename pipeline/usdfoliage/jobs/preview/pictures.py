@@ -81,11 +81,7 @@ class PreviewSettings:
             raise ValueError(f"samples must be 1 to {MAX_SAMPLES}, not {self.samples}")
         if self.background is not None and not all(0 <= c <= 1 for c in self.background):
             raise ValueError(f"background must be three numbers from 0 to 1, not {self.background}")
-        unknown = set(self.purposes) - set(PURPOSES)
-        if unknown or not self.purposes:
-            raise ValueError(
-                f"purposes must be some of {', '.join(PURPOSES)}, not {', '.join(self.purposes) or 'none'}"
-            )
+        check_purposes(self.purposes)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,8 +97,13 @@ class PreviewView:
     size_px: tuple[int, int] | None = None  # (width, height), where it is not the settings'
     group: str | None = None  # perspective views of one group are drawn from one distance
     pinhole: Pinhole | None = None  # in the stage's frame and unit; decides instead of the direction, the size too
+    variants: tuple[tuple[str, str], ...] | None = None  # instead of the settings'
+    purposes: tuple[str, ...] | None = None  # likewise
+    even_light: bool | None = None  # likewise
 
     def __post_init__(self) -> None:
+        if self.purposes is not None:
+            check_purposes(self.purposes)
         if self.direction not in DIRECTIONS:
             raise ValueError(f"direction must be one of {', '.join(DIRECTIONS)}, not {self.direction!r}")
         if self.window is not None:
@@ -123,6 +124,12 @@ class PreviewView:
         if self.pinhole is not None:
             return self.pinhole.width_px, self.pinhole.height_px
         return self.size_px or (settings.width_px, settings.height_px)
+
+
+def check_purposes(purposes: tuple[str, ...]) -> None:
+    """Raises ValueError for none, or for names that are none of PURPOSES."""
+    if set(purposes) - set(PURPOSES) or not purposes:
+        raise ValueError(f"purposes must be some of {', '.join(PURPOSES)}, not {', '.join(purposes) or 'none'}")
 
 
 def check_size(width_px: int, height_px: int) -> None:
@@ -354,6 +361,12 @@ def _build_request(
             entry["window"] = view.window
         if view.group is not None:
             entry["group"] = view.group
+        if view.variants is not None:
+            entry["variants"] = dict(view.variants)
+        if view.purposes is not None:
+            entry["purposes"] = list(view.purposes)
+        if view.even_light is not None:
+            entry["light"] = "even" if view.even_light else ""
         requested.append(entry)
     return {
         "usd_file": str(usd_file.resolve()),

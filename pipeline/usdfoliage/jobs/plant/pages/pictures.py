@@ -1,7 +1,6 @@
 """Storm's pictures of a finished plant: all around, from the photographs' own cameras, and in every variant."""
 
 import math
-import time
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -148,7 +147,7 @@ def draw_variants(
     settings: PictureSettings = PictureSettings(),
     progress: Progress | None = None,
 ) -> list[DrawnVariant]:
-    """Draw every variant of every set from one place, each by a start of Storm; those of a set with one are left out.
+    """Draw every variant of every set from one place, all by one start of Storm; those of a set with one are left out.
 
     The other sets stay as the asset has them, but for representations, which are drawn with leaves alone where that
     can be chosen.
@@ -160,33 +159,26 @@ def draw_variants(
     interface, _ = interface_of(asset)
     size_px = _fit_shape(shape, settings.variant_px)
     chosen = [(variant_set, name) for variant_set, names in shape.variants.items() if len(names) > 1 for name in names]
-    drawn = []
-    end = time.monotonic() + settings.time_limit_s
-    for done, (variant_set, name) in enumerate(chosen):
-        if progress is not None:
-            progress(done, len(chosen))
+    if not chosen:
+        return []
+    views = []
+    for variant_set, name in chosen:
         selections = [(variant_set, name)]
         if variant_set == "representation" and "leaves" in shape.variants.get("lod", ()):
             selections.append(("lod", "leaves"))
-        output = folder / f"variant_{variant_set}_{name}.png"
         # A crown is a proxy where leaves are drawn too, and is what `both` is about.
         purposes = ("default", "render", "proxy") if name == "both" else ("default", "render")
-        preview = replace(
-            settings.preview(settings.variant_px),
-            variants=tuple(selections),
-            purposes=purposes,
-            time_limit_s=max(0.0, end - time.monotonic()),
-        )
-        try:
-            render_views(interface, [_three_quarter(shape, output, size_px)], preview)
-        except PreviewTimeoutError as error:
-            text = f"the variants were not all drawn within {settings.time_limit_s:g} s"
-            raise PreviewTimeoutError(text, error.remedy) from error
-        is_default = shape.selections.get(variant_set) == name
-        drawn.append(DrawnVariant(set=variant_set, name=name, picture=output, is_default=is_default))
-    if progress is not None:
-        progress(len(chosen), len(chosen))
-    return drawn
+        view = _three_quarter(shape, folder / f"variant_{variant_set}_{name}.png", size_px)
+        views.append(replace(view, variants=tuple(selections), purposes=purposes))
+    try:
+        pictures = render_views(interface, views, settings.preview(settings.variant_px), progress)
+    except PreviewTimeoutError as error:
+        text = f"the variants were not all drawn within {settings.time_limit_s:g} s"
+        raise PreviewTimeoutError(text, error.remedy) from error
+    return [
+        DrawnVariant(set=variant_set, name=name, picture=picture, is_default=shape.selections.get(variant_set) == name)
+        for (variant_set, name), picture in zip(chosen, pictures, strict=True)
+    ]
 
 
 def draw_comparisons(
