@@ -19,9 +19,10 @@ from mathutils import Vector
 
 
 def import_asset(path: Path) -> None:
-    """Read the file into an empty scene, its textures where they lie, subdivision surfaces as such."""
+    """Read the file into an empty scene, textures where they lie or out of a package, subdivision surfaces as such."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    done = bpy.ops.wm.usd_import(filepath=str(path), import_textures_mode="IMPORT_NONE", import_subdivision=True)
+    textures = "IMPORT_PACK" if path.suffix == ".usdz" else "IMPORT_NONE"
+    done = bpy.ops.wm.usd_import(filepath=str(path), import_textures_mode=textures, import_subdivision=True)
     if done != {"FINISHED"}:
         raise SystemExit(f"error: Blender cannot import it ({path})")
 
@@ -78,7 +79,8 @@ def describe_image(image: bpy.types.Image) -> dict:
     return {
         "name": image.name,
         "file": str(path),
-        "found": path.is_file() and image.size[0] > 0,  # reading the size loads the file
+        # Out of a package it is packed, or in a temporary folder; reading the size loads the file.
+        "found": (path.is_file() or image.packed_file is not None) and image.size[0] > 0,
         "size": list(image.size),
         "color_space": image.colorspace_settings.name,
     }

@@ -85,7 +85,8 @@ def test_the_edits_of_a_look_are_in_the_points(studio, tmp_path):
         file = tmp_path / out if profile == "usdz" else tmp_path / out / "new.usdc"
         stage = opened(file)
         points = np.array(stage.GetAttributeAtPath("/new/geo/render/Leaves.points").Get())
-        np.testing.assert_allclose(points, expected.points_m, atol=1e-5)
+        sides = np.split(points, 2) if profile == "usdz" else [points]
+        np.testing.assert_allclose(np.mean(sides, axis=0), expected.points_m, atol=1e-5)
     # Each leaf of Unreal's assembly is a part, moved, turned and scaled.
     assert run("export", studio / "look.usda", "--profile", "unreal", "-o", tmp_path / "ue") == 0
     stage = opened(tmp_path / "ue" / "ue.usdc")
@@ -97,6 +98,23 @@ def test_the_edits_of_a_look_are_in_the_points(studio, tmp_path):
         shape = np.array(stage.GetPrimAtPath(f"{target}/Part/Leaf").GetAttribute("points").Get())
         moved = np.c_[shape, np.ones(len(shape))] @ place
         np.testing.assert_allclose(moved[:, :3], each[number], atol=1e-3)  # orientations are half floats in some
+
+
+def test_leaves_of_a_package_have_faces_for_both_sides(studio, tmp_path):
+    """Three.js ignores doubleSided, and would leave out every leaf that is seen from behind."""
+    counts = {}
+    for out, words in (("both.usdz", ()), ("one.usdz", ("--sides", 1)), ("plain", ()), ("two", ("--sides", 2))):
+        profile = "usdz" if out.endswith("z") else "standalone"
+        assert run("export", studio / "oak", "--profile", profile, *words, "-o", tmp_path / out) == 0
+        file = tmp_path / out if profile == "usdz" else tmp_path / out / f"{out}.usdc"
+        name = out.removesuffix(".usdz")
+        stage = opened(file)
+        for part in ("Leaves", "Branches"):
+            faces = stage.GetAttributeAtPath(f"/{name}/geo/render/{part}.faceVertexCounts").Get()
+            counts[name, part] = len(faces)
+    both, two, one, plain = (counts[name, "Leaves"] for name in ("both", "two", "one", "plain"))
+    assert both == two == 2 * one == 2 * plain
+    assert len({number for (_, part), number in counts.items() if part == "Branches"}) == 1
 
 
 def test_leaves_have_materialx_where_it_is_read_and_the_rest_preview_surfaces(studio, tmp_path):
@@ -194,7 +212,8 @@ def test_what_moves_is_exported_at_rest(tmp_path):
         ]
         if profile != "unreal":
             points = np.array(stage.GetAttributeAtPath("/new/geo/render/Leaves.points").Get())
-            np.testing.assert_allclose(points, leaves, atol=1e-6)
+            sides = np.split(points, 2) if profile == "usdz" else [points]
+            np.testing.assert_allclose(np.mean(sides, axis=0), leaves, atol=1e-6)
 
 
 def test_wind_beside_an_assembly_names_its_joints(studio, tmp_path):
@@ -274,6 +293,10 @@ def bad_inputs(studio: Path, tmp_path: Path):
         "crown for unreal": ((studio / "ball", "--profile", "unreal", *out), "is exported without leaves"),
         "no leaves": ((studio / "ball", *plain, "--lod", "leaves", *out), "has no leaves"),
         "instances for ar": ((studio / "oak", *ar, "--leaves", "instances", *package), "AR shows no instances"),
+        "sides of instances": (
+            (studio / "oak", *plain, "--leaves", "instances", "--sides", 2, *out),
+            "one face for both sides",
+        ),
         "shapes": ((studio / "oak", *plain, "--shapes", 0, *out), "--shapes must be 1 to"),
         "old package kept": ((studio / "oak", *ar, "--keep-old", *package), "is not kept"),
     }

@@ -15,7 +15,7 @@ from usdfoliage.files.write_gate import Access
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from usdfoliage.jobs.export.request import LEAF_FORMS, LODS, MAX_SHAPES, PROFILES, ExportSettings
+    from usdfoliage.jobs.export.request import LEAF_FORMS, LODS, MAX_SHAPES, PROFILES, SIDES, ExportSettings
 
     settings = ExportSettings()
     files = parser.add_argument_group("input and output")
@@ -57,6 +57,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         default=settings.shapes,
         help=f"Leaves that repeat have at most this many shapes, from 1 to {MAX_SHAPES}; the default is %(default)s.",
+    )
+    plant.add_argument(
+        "--sides",
+        type=int,
+        choices=SIDES,
+        help="Each side of a leaf has its own faces with 2, for applications that draw only the front of a face, such "
+        "as three.js. With 1 both sides share a face. The default is 2 with --profile usdz, else 1. Leaves that repeat "
+        "have 1.",
     )
     add_resolution(plant)
     run_options = parser.add_argument_group("this run")

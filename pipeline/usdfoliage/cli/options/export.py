@@ -10,7 +10,7 @@ from usdfoliage.jobs.export.request import ExportRequest, ExportSettings
 def read_export_request(options: argparse.Namespace) -> ExportRequest:
     """The request that a command line makes; FoliageError for values that cannot be."""
     try:
-        settings = ExportSettings(lod=options.lod, leaves=options.leaves, shapes=options.shapes)
+        settings = ExportSettings(lod=options.lod, leaves=options.leaves, shapes=options.shapes, sides=options.sides)
     except ValueError as error:
         raise FoliageError(f"--{error}") from error
     return ExportRequest(

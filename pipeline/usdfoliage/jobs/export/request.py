@@ -15,6 +15,7 @@ STANDALONE, USDZ, UNREAL = PROFILES
 LODS = ("leaves", "crown")
 LEAF_FORMS = ("mesh", "instances")
 MAX_SHAPES = 4096
+SIDES = (1, 2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +25,7 @@ class ExportSettings:
     lod: str | None = None  # one of LODS; None: leaves where the asset has them
     leaves: str = "mesh"  # one of LEAF_FORMS: one mesh of all leaves, or a few shapes that repeat
     shapes: int = 64  # at most so many shapes of leaves, where they repeat
+    sides: int | None = None  # faces of a leaf: 1 for both sides, or 2, one a side; None: 2 in a package
     max_cage_faces: int = 500_000  # of a subdivision surface that is refined
 
     def __post_init__(self) -> None:
@@ -33,6 +35,8 @@ class ExportSettings:
             raise ValueError(f"leaves must be one of {', '.join(LEAF_FORMS)}, not {self.leaves}")
         if not 1 <= self.shapes <= MAX_SHAPES:
             raise ValueError(f"shapes must be 1 to {MAX_SHAPES}, not {self.shapes}")
+        if self.sides is not None and self.sides not in SIDES:
+            raise ValueError(f"sides must be {' or '.join(map(str, SIDES))}, not {self.sides}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +60,11 @@ class ExportRequest:
     def repeats_leaves(self) -> bool:
         """Whether leaves repeat a few shapes."""
         return self.profile == UNREAL or self.settings.leaves == "instances"
+
+    @property
+    def has_both_sides(self) -> bool:
+        """Whether each side of a leaf has its own faces."""
+        return self.settings.sides == 2 or (self.settings.sides is None and self.is_package)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +91,8 @@ def plan_output(request: ExportRequest, version: str) -> ExportPlan:
     source = check_exportable(request.asset, version)
     check_output_place(request.output, source.interface)
     _check_output_name(request)
+    if request.has_both_sides and request.repeats_leaves:
+        raise FoliageError("leaves that repeat have one face for both sides", "export the leaves as mesh, or one side")
     name = asset_name(request.name or (request.output.stem if request.is_package else request.output.resolve().name))
     lod = _choose_lod(request, source)
     if request.profile == UNREAL and not (source.has_leaves and lod != "crown"):

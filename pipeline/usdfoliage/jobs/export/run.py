@@ -11,6 +11,7 @@ from pxr import Kind, Sdf, Usd, UsdGeom, UsdSkel
 
 from usdfoliage import __version__
 from usdfoliage.asset.export.arkit_rules import check_arkit
+from usdfoliage.asset.export.both_sides import author_both_sides
 from usdfoliage.asset.export.files import gather_files
 from usdfoliage.asset.export.flat import finish_root, flatten_plant, select_variants
 from usdfoliage.asset.export.materials import keep_networks, settle_colors
@@ -172,6 +173,8 @@ def _shape_plant(
     if coarse:
         text = f"more than {request.settings.max_cage_faces:,} faces, which were not refined: {', '.join(coarse)}"
         remarks.append(remark("surface-not-refined", text))
+    if request.has_both_sides:
+        author_both_sides(flat)
     root = flat.GetDefaultPrim().GetPath()
     if request.profile == UNREAL:
         rigged = _find_joints(flat, plant, leaves)
@@ -224,6 +227,8 @@ def _record(request: ExportRequest, plan: ExportPlan, layer: Sdf.Layer, provenan
     described = {"export-profile": request.profile, "export-lod": plan.lod}
     if request.repeats_leaves:
         described["export-shapes"] = str(request.settings.shapes)
+    if request.has_both_sides:
+        described["export-sides"] = "2"
     generator = f"usdfoliage {__version__}"
     settings = {**provenance.settings, **described}
     author_provenance(layer, replace(provenance, generator=generator, settings=settings, inputs={}, stages={}))
