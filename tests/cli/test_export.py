@@ -216,6 +216,23 @@ def test_what_moves_is_exported_at_rest(tmp_path):
             np.testing.assert_allclose(np.mean(sides, axis=0), leaves, atol=1e-6)
 
 
+def test_boxes_of_an_assembly_are_those_that_usd_derives(studio, tmp_path):
+    assert run("export", studio / "oak", "--profile", "unreal", "-o", tmp_path / "new") == 0
+    stage = opened(tmp_path / "new" / "new.usdc")
+    boxes = [
+        UsdGeom.Boundable(prim) for prim in stage.Traverse() if prim.GetTypeName() in ("SkelRoot", "PointInstancer")
+    ]
+    assert len(boxes) > 2
+    for box in boxes:
+        derived = UsdGeom.Boundable.ComputeExtentFromPlugins(box, Usd.TimeCode.Default())
+        np.testing.assert_allclose(box.GetExtentAttr().Get(), derived, atol=1e-6)
+    (low, high), (base_low, base_high) = (
+        np.array(stage.GetAttributeAtPath(f"/new/Base{part}.extent").Get()) for part in ("/Branches", "")
+    )
+    assert (base_low <= low).all()
+    assert (base_high >= high).all()
+
+
 def test_wind_beside_an_assembly_names_its_joints(studio, tmp_path):
     assert run("export", studio / "oak", "--profile", "unreal", "-o", tmp_path / "new") == 0
     wind = json.loads((tmp_path / "new" / "new_wind.json").read_text())

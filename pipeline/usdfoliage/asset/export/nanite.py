@@ -76,7 +76,7 @@ def author_assembly(
         _author_skeleton(stage, skeleton, rigged)
         surface = stage.GetPrimAtPath(base.AppendChild("Branches"))
         author_skin(surface, skeleton, _below_root(rigged.wood))
-        UsdSkel.Root(stage.GetPrimAtPath(base)).CreateExtentAttr(UsdGeom.Mesh(surface).GetExtentAttr().Get())
+        _set_extent(UsdSkel.Root(stage.GetPrimAtPath(base)))
         prim.CreateRelationship(SKELETON, custom=False).SetTargets([skeleton])
     if leaves is not None:
         material = root.AppendPath(LEAF_MATERIAL)
@@ -187,10 +187,15 @@ def _author_skeletal_part(
     part = path.AppendChild("Part")
     skel_root = UsdSkel.Root.Define(stage, part)
     mesh = author_leaf_mesh(stage, part.AppendChild("Leaf"), shape, color)
-    skel_root.CreateExtentAttr(mesh.GetExtentAttr().Get())
     joint = part.AppendChild("Skeleton")
     skeleton = author_joints_at(stage, joint, [PART_JOINT], np.eye(4)[None], np.eye(4)[None])
     skeleton.CreateJointNamesAttr([PART_JOINT])
     count = len(shape.points_m)
     author_skin(mesh.GetPrim(), joint, Skin(joints=np.zeros((count, 1), np.int32), weights=np.ones((count, 1))))
+    _set_extent(skel_root)
     return mesh
+
+
+def _set_extent(root: UsdSkel.Root) -> None:
+    """The box that UsdSkel itself derives, with room for joints that turn: validators ask for no other."""
+    root.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(root, Usd.TimeCode.Default()))
