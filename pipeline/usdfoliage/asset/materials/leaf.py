@@ -160,9 +160,9 @@ def _set_texture(texture: UsdShade.Shader, file: str, color_space: str, wrap: st
 class _Texture:
     """One file, read by three nodes.
 
-    UsdPreviewSurface reads colour and opacity of one: Blender takes the colour of a file for data where a second node
-    feeds the opacity. It has the tint, too. Storm's shader tints each leaf by itself, and reads the opacity elsewhere:
-    where the file is missing, it takes the first number of the fallback for `a`.
+    Each names the colour space: with `auto` Blender takes the colours for data where a second node feeds the opacity.
+    The first has the tint of UsdPreviewSurface; Storm's shader tints each leaf by itself. The opacity has a node of its
+    own, with a fallback of 1: where the file is missing, Storm takes the first number of the fallback for `a`.
     """
 
     preview: UsdShade.Shader
