@@ -347,7 +347,7 @@ def view_cameras(stage, time, views: list[dict], purposes: list[str]) -> list:
     return cameras
 
 
-class Shown(NamedTuple):
+class Selected(NamedTuple):
     """What of the stage some views show, and in which light."""
 
     variants: tuple[tuple[str, str], ...]
@@ -355,16 +355,16 @@ class Shown(NamedTuple):
     even_light: bool
 
 
-def shown_by(view: dict, request: dict) -> Shown:
+def selected_by(view: dict, request: dict) -> Selected:
     """What a view shows: its own choice, or that of the request."""
-    return Shown(
+    return Selected(
         variants=tuple(view.get("variants", request.get("variants", {})).items()),
         purposes=tuple(view.get("purposes", request["purposes"])),
         even_light=view.get("light", request.get("light", "")) == "even",
     )
 
 
-def show(stage, shown: Shown, time):
+def show(stage, selected: Selected, time):
     """Select variants on the stage, and no others in its session layer; how much there is to draw then, and as what.
 
     Where there is too much, and the lod is not chosen, plants are drawn in a lighter form.
@@ -372,24 +372,24 @@ def show(stage, shown: Shown, time):
     from weight import MAX_TRIANGLES, draw_lighter, weigh
 
     stage.GetSessionLayer().Clear()
-    for name, chosen in shown.variants:
+    for name, chosen in selected.variants:
         select_variant(stage, name, chosen)
-    weight = weigh(stage, time, list(shown.purposes))
+    weight = weigh(stage, time, list(selected.purposes))
     lighter = ""
-    if weight.drawn(0) > MAX_TRIANGLES and "lod" not in dict(shown.variants):
+    if weight.drawn(0) > MAX_TRIANGLES and "lod" not in dict(selected.variants):
         lighter = draw_lighter(stage)
-        weight = weigh(stage, time, list(shown.purposes))
+        weight = weigh(stage, time, list(selected.purposes))
     return weight, lighter
 
 
-def choose_common_scale(stage, time, request: dict, groups: dict[Shown, list[int]]) -> int:
+def choose_common_scale(stage, time, request: dict, groups: dict[Selected, list[int]]) -> int:
     """By how much all pictures are drawn larger: as the group that has most to draw wants it."""
     from weight import choose_complexity, choose_scale
 
     sizes_px = [(view["width_px"], view["height_px"]) for view in request["views"]]
     scale = 1
-    for shown in groups:
-        weight, _ = show(stage, shown, time)
+    for selected in groups:
+        weight, _ = show(stage, selected, time)
         complexity = choose_complexity(weight, request["complexity"])
         scale = max(scale, choose_scale(weight, complexity, request.get("samples", SAMPLES), sizes_px))
     return scale
@@ -406,9 +406,9 @@ def record_views(request: dict) -> dict:
     if "frame" in request:
         time = Usd.TimeCode(request["frame"])
     z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
-    groups: dict[Shown, list[int]] = {}  # views that show the same, drawn one after another
+    groups: dict[Selected, list[int]] = {}  # views that show the same, drawn one after another
     for number, view in enumerate(request["views"]):
-        groups.setdefault(shown_by(view, request), []).append(number)
+        groups.setdefault(selected_by(view, request), []).append(number)
     scale = request.get("scale")
     if scale is None:
         scale = choose_common_scale(stage, time, request, groups)
@@ -425,23 +425,23 @@ def record_views(request: dict) -> dict:
     drawn: dict[int, dict] = {}
     warnings: list[str] = []
     complexities, triangles, lighter_forms = [], [], []
-    for shown, numbers in groups.items():
-        weight, lighter = show(stage, shown, time)
+    for selected, numbers in groups.items():
+        weight, lighter = show(stage, selected, time)
         complexities.append(choose_complexity(weight, request["complexity"]))
         triangles.append(weight.drawn(0))
         lighter_forms.append(lighter)
         views = [request["views"][number] for number in numbers]
-        cameras = view_cameras(stage, time, views, list(shown.purposes))
+        cameras = view_cameras(stage, time, views, list(selected.purposes))
         lit = has_lights(stage)
         recorder.SetComplexity(complexities[-1])
-        recorder.SetIncludedPurposes([purpose for purpose in shown.purposes if purpose != "default"])
+        recorder.SetIncludedPurposes([purpose for purpose in selected.purposes if purpose != "default"])
         camera_prim = UsdGeom.Camera.Define(stage, Sdf.Path(PREVIEW_ROOT).AppendChild("Camera"))
         for number, view, camera in zip(numbers, views, cameras, strict=True):
             width_px, height_px = scale * view["width_px"], scale * view["height_px"]
             # The recorder rounds the height down; a fiftieth of a pixel keeps it from losing a row.
             camera.verticalAperture = camera.horizontalAperture * (height_px + 0.02) / width_px
             camera_prim.SetFromCamera(camera, time)
-            if not lit and shown.even_light:
+            if not lit and selected.even_light:
                 author_sky(stage, z_up, request["dome_texture"])
             elif not lit:
                 author_lights(stage, camera, z_up, request["dome_texture"])

@@ -58,7 +58,7 @@ def main() -> None:
     versions = [(Path(sys.executable), None)]
     if options.former is not None:
         versions.append((options.former / ".venv" / "bin" / "python", options.former_assets))
-    print("| plant | shown | triangles | MB opened | open, s | draw, s |\n| --- | --- | --- | --- | --- | --- |")
+    print("| plant | form | triangles | MB opened | open, s | draw, s |\n| --- | --- | --- | --- | --- | --- |")
     with tempfile.TemporaryDirectory(prefix="usdfoliage-cost-") as name:
         for asset in options.assets:
             measure_asset(asset, versions, options.copies, options.limit, Path(name))
@@ -163,7 +163,7 @@ def time_picture(file: Path, python: Path, limit_s: float, work: Path) -> float 
     return None
 
 
-def print_row(name: str, shown: str, costs: Sequence[Cost]) -> None:
+def print_row(name: str, form: str, costs: Sequence[Cost]) -> None:
     """A row of the table; where there are two costs, the former one stands first."""
     ordered = [*costs[1:], costs[0]]
     cells = [
@@ -172,7 +172,7 @@ def print_row(name: str, shown: str, costs: Sequence[Cost]) -> None:
         " → ".join(f"{cost.open_s:.2f}" for cost in ordered),
         " → ".join("none" if cost.draw_s is None else f"{cost.draw_s:.1f}" for cost in ordered),
     ]
-    print(f"| {name} | {shown} | {' | '.join(cells)} |", flush=True)
+    print(f"| {name} | {form} | {' | '.join(cells)} |", flush=True)
 
 
 def _new_file(work: Path) -> Path:
