@@ -30,7 +30,7 @@ def refine_catmull_clark(
     levels: int,
     limit: bool,
 ) -> RefinedMesh:
-    """A mesh refined by OpenSubdiv, at its limit or not.
+    """A mesh refined by OpenSubdiv, at its limit or not; levels may be 0 for a mesh of quads alone.
 
     Raises:
         ValueError: counts and indices do not fit, or OpenSubdiv refuses the topology.

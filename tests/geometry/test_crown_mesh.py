@@ -35,7 +35,7 @@ def test_surface_is_closed_and_consistently_turned(size):
     assert len(mesh.points_m) - len(directed) // 2 + len(quads) == 2  # Euler
 
 
-def test_sphere_has_its_radius_volume_and_normals():
+def test_sphere_has_its_radius_and_volume():
     center_m = np.array([1.0, 2.0, -3.0])
     mesh = build_crown_mesh(sphere(32, 1.5), center_m, 33)
     out = mesh.points_m - center_m
@@ -43,8 +43,6 @@ def test_sphere_has_its_radius_volume_and_normals():
     assert signed_volume(build_crown_mesh(sphere(32, 1.5), np.zeros(3), 33)) == pytest.approx(
         4 / 3 * np.pi * 1.5**3, rel=5e-3
     )
-    assert np.einsum("ij,ij->i", mesh.normals, out / 1.5).min() > 0.999
-    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, rtol=1e-6)
 
 
 def test_odd_size_reaches_the_poles_exactly():

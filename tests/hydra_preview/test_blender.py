@@ -12,6 +12,7 @@ from usdfoliage.asset.provenance import Provenance
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import decode_srgb
+from usdfoliage.geometry.crown_cage import build_crown_cage
 from usdfoliage.geometry.cubemap import face_directions
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views
 from usdfoliage.jobs.preview.recorder import find_interpreter
@@ -30,12 +31,15 @@ def color_of(directions):
     return 0.35 + 0.3 * directions
 
 
+def egg_radius():
+    return (1 / np.linalg.norm(face_directions(33) / SEMI_AXES_M, axis=-1)).astype(np.float32)
+
+
 @pytest.fixture(scope="module")
 def asset(tmp_path_factory):
-    directions = face_directions(33)
     crown = CrownModel(
-        radius_m=(1 / np.linalg.norm(directions / SEMI_AXES_M, axis=-1)).astype(np.float32),
-        color=color_of(directions).astype(np.float32),
+        radius_m=egg_radius(),
+        color=color_of(face_directions(33)).astype(np.float32),
         center_m=CENTER_M,
         relief_weight=0.0,
         asset_from_photo=np.eye(4),
@@ -81,6 +85,7 @@ def test_blender_finds_one_mesh_with_its_material_and_texture(blender):
     assert mesh["name"] == "Crown"
     assert mesh["faces"] == 6 * (MESH_SIZE - 1) ** 2
     assert mesh["vertices"] == mesh["faces"] + 2  # closed: Euler
+    assert mesh["subdivided"]
     assert mesh["uv_maps"] == ["st"]
     assert mesh["materials"] == found["materials"] == ["Crown"]
     (image,) = found["images"]
@@ -91,16 +96,17 @@ def test_blender_finds_one_mesh_with_its_material_and_texture(blender):
 
 def test_bounds_in_blender_are_the_crowns_stood_upright(blender):
     found, _ = blender
-    low, high = CENTER_M - SEMI_AXES_M, CENTER_M + SEMI_AXES_M
+    cage_m = build_crown_cage(egg_radius(), CENTER_M, MESH_SIZE).points_m  # Blender's own mesh, before it is subdivided
+    low, high = cage_m.min(axis=0), cage_m.max(axis=0)
     np.testing.assert_allclose(found["bound_asset"], [low, high], atol=1e-5)
     np.testing.assert_allclose(
         found["bound_blender"], [[low[0], -high[2], low[1]], [high[0], -low[2], high[1]]], atol=1e-5
     )
 
 
-def expected_front():
-    """Silhouette and colours of the egg's front where its picture spans 1.1 of its height."""
-    across = (np.arange(SIDE_PX) + 0.5 - SIDE_PX / 2) * 2 * 1.1 * SEMI_AXES_M[1] / SIDE_PX
+def expected_front(height_m=2 * SEMI_AXES_M[1]):
+    """Silhouette and colours of the egg's front where its picture spans 1.1 of this height."""
+    across = (np.arange(SIDE_PX) + 0.5 - SIDE_PX / 2) * 1.1 * height_m / SIDE_PX
     x, y = np.meshgrid(across, -across)
     inside = 1 - (x / SEMI_AXES_M[0]) ** 2 - (y / SEMI_AXES_M[1]) ** 2
     z = SEMI_AXES_M[2] * np.sqrt(np.maximum(inside, 0))
@@ -109,8 +115,9 @@ def expected_front():
 
 
 def test_cycles_draws_the_egg_where_and_in_the_colours_it_should(blender):
-    _, picture = blender
-    inside, color = expected_front()
+    found, picture = blender
+    low, high = found["bound_asset"]  # of the cage
+    inside, color = expected_front(high[1] - low[1])
     drawn = picture[..., 3] > 0.5
     assert np.sum(drawn & inside) / np.sum(drawn | inside) > 0.97
     # Under an even white sky a matte surface shows its colour, but for a thin gloss and what the samples scatter.

@@ -32,7 +32,7 @@ struct RefinedMesh {
 
 // Refine a cage uniformly.
 //
-// @param levels  1 or more; every face becomes quads.
+// @param levels  1 or more, every face becomes quads; 0 for a cage of quads, which stays as it is.
 // @param limit   move the vertices of the last level to the limit surface and give its normals there.
 // @throws std::invalid_argument where counts and indices do not fit, or OpenSubdiv refuses the topology.
 RefinedMesh refine_catmull_clark(const Cage& cage, int levels, bool limit);

@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         type=read_mesh_size,
         default=AssetSettings.crown_mesh_size,
-        help="The mesh has this many vertices along an edge of the cube, 2 or more; the default is auto: as few as "
+        help="The cage has this many vertices along an edge of the cube, 3 or more; the default is auto: as few as "
         "keep the silhouettes of the crown.",
     )
     _add_photo_options(parser.add_argument_group("of a photograph"))

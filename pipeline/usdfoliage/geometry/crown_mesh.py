@@ -16,7 +16,6 @@ class CrownMesh:
     """
 
     points_m: NDArray[np.float32]  # (V, 3)
-    normals: NDArray[np.float32]  # (V, 3), unit, outward
     face_vertices: NDArray[np.int32]  # (F, 4), indices of points_m
     st: NDArray[np.float32]  # (6 n², 2), on the strip of six faces, t upwards
     face_st: NDArray[np.int32]  # (F, 4), indices of st, corner by corner as face_vertices
@@ -60,7 +59,6 @@ def build_crown_mesh(radius_m: NDArray[np.floating], center_m: NDArray[np.floati
     face_vertices = identity.reshape(-1)[face_st].astype(np.int32)
     return CrownMesh(
         points_m=points_m.astype(np.float32),
-        normals=_vertex_normals(points_m, face_vertices).astype(np.float32),
         face_vertices=face_vertices,
         st=_strip_coordinates(size, radius_m.shape[1]).astype(np.float32),
         face_st=face_st,
@@ -74,14 +72,3 @@ def _strip_coordinates(size: int, map_size: int) -> NDArray[np.float64]:
     s = (column + 0.5) / map_size
     t = 1.0 - (face * map_size + row + 0.5) / (6 * map_size)
     return np.stack([s, t], axis=-1).reshape(-1, 2)
-
-
-def _vertex_normals(points_m: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Unit normals of the vertices: of the quads around each, weighted by area."""
-    a, b, c, d = (points_m[quads[:, k]] for k in range(4))
-    area = np.cross(c - a, d - b)  # twice the area vector of a quad, flat or not
-    normals = np.empty_like(points_m)
-    for axis in range(3):
-        weight = np.repeat(area[:, axis], 4)
-        normals[:, axis] = np.bincount(quads.reshape(-1), weight, minlength=len(points_m))
-    return normals / np.linalg.norm(normals, axis=1, keepdims=True)

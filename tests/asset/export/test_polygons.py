@@ -103,3 +103,18 @@ def test_a_sharp_edge_stays_where_it_is():
     assert points[:, 0].max() == pytest.approx(1)
     np.testing.assert_allclose(points[0], CUBE[0], atol=1e-6)
     assert not mesh.GetCreaseIndicesAttr().HasAuthoredValue()
+
+
+def test_a_cage_that_is_fine_enough_keeps_its_faces_at_the_limit():
+    stage = Usd.Stage.CreateInMemory()
+    mesh = cube(stage)
+    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
+    st.Set([Gf.Vec2f(0, 0), Gf.Vec2f(1, 0), Gf.Vec2f(1, 1), Gf.Vec2f(0, 1)])
+    st.SetIndices([0, 1, 2, 3] * 6)
+    assert polygonize_meshes(stage, 100, fine=[Sdf.Path("/cube")]) == []
+    assert mesh.GetSubdivisionSchemeAttr().Get() == "none"
+    points = np.array(mesh.GetPointsAttr().Get())
+    np.testing.assert_allclose(points, CUBE / 2, rtol=1e-6)  # (9 + 4 - 1) / 24 along each axis
+    np.testing.assert_allclose(mesh.GetNormalsAttr().Get(), CUBE / np.sqrt(3), atol=1e-6)
+    np.testing.assert_array_equal(np.array(mesh.GetFaceVertexIndicesAttr().Get()), np.ravel(FACES))
+    assert list(st.GetIndices()) == [0, 1, 2, 3] * 6

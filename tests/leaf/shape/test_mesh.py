@@ -13,9 +13,8 @@ from usdfoliage.leaf.shape.mesh import (
     PrototypeSettings,
     build_leaf_mesh,
     build_prototype,
-    prototype_for,
 )
-from usdfoliage.leaf.shape.surface import evaluate_grid, evaluate_points, grid_places
+from usdfoliage.leaf.shape.surface import evaluate_grid
 from usdfoliage.leaf.shape.topology import leaf_topology
 from usdfoliage.leaf.shape.variation import VariationSettings, default_leaf, vary_leaves
 
@@ -165,40 +164,6 @@ def test_the_prototype_covers_what_the_leaf_covers(jitter, amount):
     fine = covered(build_leaf_mesh(leaves, LeafMeshSettings(across=16, along=64, silhouette=2048), jitter))
     coarse = covered(build_leaf_mesh(leaves, drawn, jitter))
     assert (fine & coarse).sum() / (fine | coarse).sum() > 0.998
-
-
-def distances(points, corners):
-    """(P,) of points (P, 3) to the nearest of triangles (T, 3, 3)."""
-    a, b, c = np.moveaxis(corners, 1, 0)
-    normal = np.cross(b - a, c - a)
-    area = (normal**2).sum(axis=1)
-    to = points[:, None] - a
-    second = (np.cross(to, c - a) * normal).sum(axis=2) / area
-    third = (np.cross(b - a, to) * normal).sum(axis=2) / area
-    inside = (second >= 0) & (third >= 0) & (second + third <= 1)
-    found = np.where(inside, np.abs((to * normal).sum(axis=2)) / np.sqrt(area), np.inf)
-    for start, end in ((a, b), (b, c), (c, a)):
-        along = end - start
-        share = np.clip(((points[:, None] - start) * along).sum(axis=2) / (along**2).sum(axis=1), 0, 1)
-        found = np.minimum(found, np.linalg.norm(points[:, None] - start - share[..., None] * along, axis=2))
-    return found.min(axis=1)
-
-
-def test_distances_to_a_triangle():
-    corners = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
-    points = np.array([[0.2, 0.2, 0.3], [-1, 0.5, 0], [1, 1, 0], [-3, -4, 0]])
-    np.testing.assert_allclose(distances(points, corners), [0.3, 1, np.sqrt(0.5), 5])
-
-
-@pytest.mark.parametrize(
-    ("count", "max_triangles", "apart"), [(3000, 410, 0.0015), (3001, 90, 0.0025), (20_001, 48, 0.005)]
-)
-def test_leaves_that_are_many_have_few_triangles_near_their_surface(count, max_triangles, apart):
-    prototype = build_prototype(default_leaf(), prototype_for(count))
-    corners = prototype.points_m[triangles(prototype)].astype(np.float64)
-    assert len(corners) <= max_triangles
-    places = grid_places(np.linspace(-1, 1, 9), np.linspace(0, 1, 61))
-    assert distances(evaluate_points(default_leaf()[None], places)[0], corners).max() < apart
 
 
 def test_the_prototype_is_the_leaf_in_leaf_space():

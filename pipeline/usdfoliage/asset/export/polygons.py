@@ -4,9 +4,11 @@ Points and normals are those of the limit surface. Values at the corners of face
 own default for them; those of a face are those of its parts.
 """
 
+from collections.abc import Container
+
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Usd, UsdGeom, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from usdfoliage._native import refine_catmull_clark
 from usdfoliage.asset.parts.leaf_gprims import outward_corners
@@ -15,12 +17,13 @@ from usdfoliage.errors import AssetError
 _SHARP = 10.0  # from here on an edge is infinitely sharp, as USD has it
 
 
-def polygonize_meshes(stage: Usd.Stage, max_faces: int) -> list[str]:
+def polygonize_meshes(stage: Usd.Stage, max_faces: int, fine: Container[Sdf.Path] = ()) -> list[str]:
     """Replace every Catmull-Clark surface of a stage by polygons of its limit: each face by four, or by its cage.
 
     Args:
         stage: Flat; it is changed.
         max_faces: Of a cage that is refined; one of more stays as it is, and becomes polygons.
+        fine: Where cages are that have faces enough: if all are quads, none is divided, and points move to the limit.
 
     Returns:
         The paths of those that stayed as they are.
@@ -36,12 +39,12 @@ def polygonize_meshes(stage: Usd.Stage, max_faces: int) -> list[str]:
         if len(mesh.GetFaceVertexCountsAttr().Get() or ()) > max_faces:
             coarse.append(str(prim.GetPath()))
         else:
-            _refine(mesh)
+            _refine(mesh, is_fine=prim.GetPath() in fine)
         _drop_subdivision(mesh)
     return coarse
 
 
-def _refine(mesh: UsdGeom.Mesh) -> None:
+def _refine(mesh: UsdGeom.Mesh, *, is_fine: bool) -> None:
     prim = mesh.GetPrim()
     read = [
         each.Get() for each in (mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr())
@@ -51,6 +54,7 @@ def _refine(mesh: UsdGeom.Mesh) -> None:
     points, counts, vertices = np.array(read[0], np.float64), np.array(read[1], np.int32), np.array(read[2], np.int32)
     if not len(counts):
         return
+    levels = 0 if is_fine and (counts == 4).all() else 1
     edges, edge_sharpness = _creases(mesh)
     corners = np.array(mesh.GetCornerIndicesAttr().Get() or [], np.int32)
     sharpness = np.array(mesh.GetCornerSharpnessesAttr().Get() or [], np.float32)
@@ -63,12 +67,12 @@ def _refine(mesh: UsdGeom.Mesh) -> None:
             crease_sharpness=edge_sharpness,
             corner_vertices=corners,
             corner_sharpness=sharpness,
-            levels=1,
+            levels=levels,
             limit=True,
         )
     except ValueError as error:
         raise AssetError(f"<{prim.GetPath()}> is no mesh: {error}", "write the asset again") from error
-    for primvar in UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithAuthoredValues():
+    for primvar in UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithAuthoredValues() if levels else ():
         _refine_primvar(primvar, counts, vertices, len(refined.faces))
     moved = Vt.Vec3fArray.FromNumpy(refined.points.astype(np.float32))
     mesh.GetPointsAttr().Set(moved)

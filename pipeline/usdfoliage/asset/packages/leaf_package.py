@@ -11,6 +11,7 @@ from usdfoliage.asset.parts.crown_part import write_crown_part
 from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAppearance, LeafAssetSettings, write_leaf_part
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.crown.model import CrownModel
+from usdfoliage.geometry.crown_cage import MIN_SIZE
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.edits import NEUTRAL, LeafEdits
 
@@ -23,8 +24,8 @@ class AssetSettings:
     version: str = "1"  # assetInfo
 
     def __post_init__(self) -> None:
-        if self.crown_mesh_size is not None and self.crown_mesh_size < 2:
-            raise ValueError(f"crown_mesh_size must be at least 2, not {self.crown_mesh_size}")
+        if self.crown_mesh_size is not None and self.crown_mesh_size < MIN_SIZE:
+            raise ValueError(f"crown_mesh_size must be at least {MIN_SIZE}, not {self.crown_mesh_size}")
 
 
 def write_crown_asset(

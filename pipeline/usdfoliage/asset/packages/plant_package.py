@@ -41,6 +41,7 @@ from usdfoliage.asset.plant import COLLECTIONS, Plant, PurposeBoxes, box_around
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.crown.model import CrownModel
+from usdfoliage.geometry.crown_cage import MIN_SIZE
 
 THUMBNAILS = "thumbnails"  # folder of the asset
 MAX_SIZE = 0.25  # of the picture's area: a plant that covers more is shown with its leaves, however small they are
@@ -58,8 +59,8 @@ class PlantAssetSettings:
     lod: str | None = None  # that is selected; None, or one the plant has not: the leaves, or what its parts had
 
     def __post_init__(self) -> None:
-        if self.crown_mesh_size is not None and self.crown_mesh_size < 2:
-            raise ValueError(f"crown_mesh_size must be at least 2, not {self.crown_mesh_size}")
+        if self.crown_mesh_size is not None and self.crown_mesh_size < MIN_SIZE:
+            raise ValueError(f"crown_mesh_size must be at least {MIN_SIZE}, not {self.crown_mesh_size}")
         if not self.switch_leaf_px > 0 or min(self.picture_px) < 1:
             raise ValueError(f"leaves of {self.switch_leaf_px} pixels in {self.picture_px} cannot be; all are above 0")
         if not 0 < self.switch_size < 1:

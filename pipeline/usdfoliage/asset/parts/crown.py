@@ -17,15 +17,16 @@ from usdfoliage.asset.schema import CROWN_API
 from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
-from usdfoliage.geometry.crown_mesh import CrownMesh, build_crown_mesh
+from usdfoliage.geometry.crown_cage import build_crown_cage
+from usdfoliage.geometry.crown_mesh import CrownMesh
 from usdfoliage.geometry.crown_mesh_size import choose_mesh_size
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CrownPrim:
-    """All that is authored of a crown: its mesh and where its maps are, as seen from the layer's folder."""
+    """All that is authored of a crown: its cage and where its maps are, as seen from the layer's folder."""
 
-    mesh: CrownMesh
+    cage: CrownMesh
     radius_map: str
     color_map: str
     center_m: NDArray[np.float64]  # (3,)
@@ -38,7 +39,7 @@ def crown_prim(name: str, crown: CrownModel, mesh_size: int | None) -> CrownPrim
     """What the layer payload/crown.usdc of the asset called name holds; a mesh_size of None is chosen."""
     size = choose_mesh_size(crown.radius_m) if mesh_size is None else mesh_size
     return CrownPrim(
-        mesh=build_crown_mesh(crown.radius_m, crown.center_m, size),
+        cage=build_crown_cage(crown.radius_m, crown.center_m, size),
         radius_map=f"../{radius_map_path(name).as_posix()}",
         color_map=f"../{color_map_path(name).as_posix()}",
         center_m=np.asarray(crown.center_m, np.float64),
@@ -81,8 +82,8 @@ def read_crown_radius(path: Path, name: str) -> tuple[NDArray[np.floating], NDAr
 
 
 def author_crown(stage: Usd.Stage, path: Sdf.Path, crown: CrownPrim) -> UsdGeom.Mesh:
-    """Define the crown at path: the mesh, and FoliageCrownAPI with the maps it comes from."""
-    mesh = author_crown_mesh(stage, path, crown.mesh)
+    """Define the crown at path: the cage, and FoliageCrownAPI with the maps it comes from."""
+    mesh = author_crown_cage(stage, path, crown.cage)
     color = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
         "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.constant
     )
@@ -102,19 +103,19 @@ def author_crown(stage: Usd.Stage, path: Sdf.Path, crown: CrownPrim) -> UsdGeom.
     return mesh
 
 
-def author_crown_mesh(stage: Usd.Stage, path: Sdf.Path, crown: CrownMesh) -> UsdGeom.Mesh:
-    """Define the closed surface at path, with its normals and its place on the cubemap's image as st."""
+def author_crown_cage(stage: Usd.Stage, path: Sdf.Path, crown: CrownMesh) -> UsdGeom.Mesh:
+    """Define the cage at path, to be subdivided, with its place on the cubemap's image as st."""
     mesh = UsdGeom.Mesh.Define(stage, path)
     points = Vt.Vec3fArray.FromNumpy(crown.points_m)
     mesh.CreatePointsAttr(points)
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(crown.face_vertices), 4))
     mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(crown.face_vertices.ravel()))
-    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(crown.normals))
-    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.catmullClark)
+    # The limit of a vertex lies where its st looks, and so does what is between two of them, evenly.
+    mesh.CreateFaceVaryingLinearInterpolationAttr(UsdGeom.Tokens.all)
     mesh.CreateOrientationAttr(UsdGeom.Tokens.rightHanded)
     mesh.CreateDoubleSidedAttr(False)  # closed
-    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))  # holds the limit, which lies within the cage
     st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
     st.Set(Vt.Vec2fArray.FromNumpy(crown.st))
     st.SetIndices(Vt.IntArray.FromNumpy(crown.face_st.ravel()))

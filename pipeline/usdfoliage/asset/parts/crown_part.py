@@ -12,6 +12,7 @@ from usdfoliage.asset.parts.crown_maps import write_crown_maps
 from usdfoliage.asset.parts.part import SHADERS, AssetPlace, Part
 from usdfoliage.asset.plant import CROWN, TO_CROWN
 from usdfoliage.crown.model import CrownModel
+from usdfoliage.geometry.crown_cage import MIN_SIZE
 
 CROWN_LAYER = "crown.usdc"
 
@@ -22,15 +23,15 @@ def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int | None
     Args:
         place: Where; the payload's folder exists.
         crown: In the plant's frame.
-        mesh_size: Vertices along a cube edge, at most as many as the map has texels; None: as few as keep the
-            silhouettes.
+        mesh_size: Vertices of the cage along a cube edge, at most as many as the map has texels; None: as few as keep
+            the silhouettes.
 
     Raises:
         ValueError: The crown is not what CrownModel promises.
         WriteError: A file cannot be written.
     """
-    # A mesh finer than its map would show the map's texels as facets.
-    size = None if mesh_size is None else min(mesh_size, crown.radius_m.shape[1])
+    # A cage finer than its map would show the map's texels.
+    size = None if mesh_size is None else max(min(mesh_size, crown.radius_m.shape[1]), MIN_SIZE)
     prim = crown_prim(place.name, crown, size)
     write_crown_maps(place.folder, place.name, crown)
     copy_shaders(place.folder / "shaders", (CROWN_SHADER,))
@@ -43,7 +44,7 @@ def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int | None
         center_m=(float(prim.center_m[0]), float(prim.center_m[1]), float(prim.center_m[2])),
         radius_range_m=prim.radius_range_m,
     )
-    extent_m = np.stack([prim.mesh.points_m.min(axis=0), prim.mesh.points_m.max(axis=0)]).astype(np.float64)
+    extent_m = np.stack([prim.cage.points_m.min(axis=0), prim.cage.points_m.max(axis=0)]).astype(np.float64)
     return Part(
         relationships={TO_CROWN: CROWN},
         collections={"crown": [CROWN]},

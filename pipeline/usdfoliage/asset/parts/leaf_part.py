@@ -32,9 +32,9 @@ from usdfoliage.leaf.shape.mesh import (
     LeafMeshSettings,
     PrototypeSettings,
     build_leaf_mesh,
-    prototype_for,
     silhouette_segments,
 )
+from usdfoliage.leaf.shape.prototype import choose_prototype
 
 LEAVES_GUIDE = "leaves_guide.usda"
 MATERIAL_LAYER = "materials.usda"
@@ -45,7 +45,7 @@ class LeafAssetSettings:
     """How an asset of leaves is written."""
 
     representations: Sequence[str] = tuple(REPRESENTATIONS)  # the first one is selected
-    prototype: PrototypeSettings | None = None  # with a finer silhouette for fine jitter; None: by how many leaves
+    prototype: PrototypeSettings | None = None  # with a finer silhouette for fine jitter; None: by what the leaves are
     cage: LeafCageSettings = field(default_factory=LeafCageSettings)
     mesh: LeafMeshSettings = field(default_factory=LeafMeshSettings)
     version: str = "1"  # assetInfo
@@ -173,8 +173,11 @@ def _write_representations(place: AssetPlace, foliage: BranchLeaves, jitter: Jit
     for representation in settings.representations:
         path = place.payload / REPRESENTATIONS[representation]
         if representation == "bezier":
-            division = settings.prototype or prototype_for(len(leaves))
-            prototype = replace(division, silhouette=silhouette_segments(division.silhouette, jitter))
+            division = settings.prototype or choose_prototype(drawn.parameters)
+            segments = silhouette_segments(division.silhouette, jitter)
+            # Vertices that were placed for smooth silhouettes are too few for jitter.
+            finer = segments != division.silhouette
+            prototype = replace(division, silhouette=segments, places=None) if finer else division
             prim = leaves_prim(leaves, foliage.edits, jitter, color, jitter_map, prototype)
             boxes.append(write_leaves_layer(path, place.name, prim))
         elif representation == "nurbs":

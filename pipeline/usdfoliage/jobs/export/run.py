@@ -30,7 +30,7 @@ from usdfoliage.asset.packages.contents import find_skeleton, read_leaf_appearan
 from usdfoliage.asset.parts.branches import read_skeleton
 from usdfoliage.asset.parts.leaf_part import leaf_jitter
 from usdfoliage.asset.parts.leaves import read_leaves
-from usdfoliage.asset.plant import BRANCHES, LEAVES
+from usdfoliage.asset.plant import BRANCHES, CROWN, LEAVES
 from usdfoliage.asset.provenance import Provenance, author_provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.asset.validation.findings import Finding
@@ -169,13 +169,13 @@ def _shape_plant(
 ) -> list[Remark]:
     """Give the plant the geometry of the profile, and write what goes beside it."""
     remarks = []
-    coarse = polygonize_meshes(flat, request.settings.max_cage_faces)
+    root = flat.GetDefaultPrim().GetPath()
+    coarse = polygonize_meshes(flat, request.settings.max_cage_faces, fine=[root.AppendPath(CROWN)])
     if coarse:
         text = f"more than {request.settings.max_cage_faces:,} faces, which were not refined: {', '.join(coarse)}"
         remarks.append(remark("surface-not-refined", text))
     if request.has_both_sides:
         author_both_sides(flat)
-    root = flat.GetDefaultPrim().GetPath()
     if request.profile == UNREAL:
         rigged = _find_joints(flat, plant, leaves)
         if rigged is None:

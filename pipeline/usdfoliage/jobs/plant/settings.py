@@ -146,15 +146,15 @@ class CrownStageSettings:
 
     make: bool = True  # true gives the plant a crown.
     size: int = 256  # A face of the crown's cubemaps has this many texels a side. Unit: texels. Range: 32 to 4096.
-    # The crown's mesh has this many vertices along an edge of the cube; auto takes as few as keep its silhouettes.
-    # Range: 2 to 4097.
+    # The crown's cage has this many vertices along an edge of the cube; auto takes as few as keep its silhouettes.
+    # Range: 3 to 4097.
     mesh_size: int | None = None
 
     def __post_init__(self) -> None:
         if not 32 <= self.size <= 4096:
             raise ValueError(f"size must be 32 to 4096 texels, not {self.size}")
-        if self.mesh_size is not None and not 2 <= self.mesh_size <= 4097:
-            raise ValueError(f"mesh_size must be 2 to 4097, not {self.mesh_size}")
+        if self.mesh_size is not None and not 3 <= self.mesh_size <= 4097:
+            raise ValueError(f"mesh_size must be 3 to 4097, not {self.mesh_size}")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from usdfoliage.errors import AssetError
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.jitter import NO_JITTER, Jitter
 from usdfoliage.leaf.shape.surface import LEFT_OF_AXIS, evaluate_normals, grid_places
-from usdfoliage.leaf.shape.topology import LeafTopology, leaf_topology
+from usdfoliage.leaf.shape.topology import LeafTopology, VertexPlaces, leaf_topology
 
 SEGMENTS_A_ROW = 2  # of the silhouette: with 16 rows it keeps 998 of 1000 pixels of the leaf, with one a row 994
 SEGMENTS_A_CYCLE = 16  # of the silhouette, so that chords cut some 2 % of the jitter's amplitude at most
@@ -49,24 +49,19 @@ class PrototypeSettings:
     along: int = 16
     silhouette: int = 128  # so that jitter of 8 cycles keeps 998 of 1000 pixels of the leaf
     even: bool = False  # whether rows and segments are evenly spaced, not drawn towards base and apex
+    places: VertexPlaces | None = None  # in place of either
 
     def __post_init__(self) -> None:
-        leaf_topology(self.across, self.along, self.silhouette, self.even)
+        self.topology()
 
+    def topology(self) -> LeafTopology:
+        """The division."""
+        return leaf_topology(self.across, self.along, self.silhouette, self.even, self.places)
 
-def prototype_for(count: int) -> PrototypeSettings:
-    """How finely the leaf is divided that an instancer repeats so many times, for about two million triangles at most.
-
-    Of a leaf of the paper's size and form 42 triangles lie within 0.4 % of its length, and 88 within 0.2 %.
-    """
-    return next((settings for up_to, settings in _PROTOTYPES if count <= up_to), _MANY)
-
-
-_PROTOTYPES = (
-    (3000, PrototypeSettings()),  # 404 triangles
-    (20_000, PrototypeSettings(across=4, along=8, silhouette=24, even=True)),  # 88
-)
-_MANY = PrototypeSettings(across=4, along=5, silhouette=10, even=True)  # 42
+    @property
+    def triangles(self) -> int:
+        """How many a leaf has."""
+        return 2 * (self.across - 1) * (self.along - 1) + 2 * (self.silhouette - 1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -142,7 +137,7 @@ def build_prototype(parameters: NDArray[np.floating], settings: PrototypeSetting
     """
     if np.shape(parameters) != (7, 3):
         raise ValueError(f"parameters must be (7, 3), not {np.shape(parameters)}")
-    topology = leaf_topology(settings.across, settings.along, settings.silhouette, settings.even)
+    topology = settings.topology()
     points, normals = _evaluate(np.asarray(parameters)[None], topology)
     return LeafMesh(
         points_m=points[0],

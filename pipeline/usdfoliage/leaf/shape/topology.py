@@ -13,6 +13,20 @@ SILHOUETTE_TOWARDS_ENDS = 0.25
 ROWS_TOWARDS_ENDS = 0.6
 
 
+@dataclass(frozen=True, kw_only=True)
+class VertexPlaces:
+    """Where the vertices of a division are, each from small to large, between 0 and 1 without these."""
+
+    columns: tuple[float, ...]  # |u| of the inner vertices beside the axis
+    rows: tuple[float, ...]  # v of the inner vertices
+    silhouette: tuple[float, ...]  # v of a silhouette's vertices
+
+    def __post_init__(self) -> None:
+        for numbers in (self.columns, self.rows, self.silhouette):
+            if not (np.diff([0.0, *numbers, 1.0]) > 0).all():
+                raise ValueError(f"places must go up between 0 and 1, not {numbers}")
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LeafTopology:
     """Vertices in (u, v) and faces of one leaf; counter-clockwise where u runs to the right and v up.
@@ -31,13 +45,22 @@ class LeafTopology:
         return len(self.uv)
 
     @property
+    def triangles(self) -> NDArray[np.intp]:
+        """(T, 3), vertices of the triangles that faces are drawn as, from their first corner on."""
+        ends = np.cumsum(self.face_counts).tolist()
+        faces = [self.face_vertices[end - n : end].tolist() for end, n in zip(ends, self.face_counts, strict=True)]
+        return np.array([(face[0], face[k], face[k + 1]) for face in faces for k in range(1, len(face) - 1)], np.intp)
+
+    @property
     def st(self) -> NDArray[np.float64]:
         """Texture coordinates (P, 2) of the vertices: ((u + 1) / 2, v)."""
         return np.column_stack([(self.uv[:, 0] + 1) / 2, self.uv[:, 1]])
 
 
 @cache
-def leaf_topology(across: int, along: int, silhouette: int, even: bool = False) -> LeafTopology:
+def leaf_topology(
+    across: int, along: int, silhouette: int, even: bool = False, places: VertexPlaces | None = None
+) -> LeafTopology:
     """Divide a leaf into cells.
 
     Base and apex are one vertex each, with triangles around them. Where the silhouette is finer than the rows, the
@@ -49,6 +72,7 @@ def leaf_topology(across: int, along: int, silhouette: int, even: bool = False) 
         silhouette: segments of either silhouette, along or more.
         even: Rows and segments are evenly spaced, which comes nearest to the surface where they are few; else they are
             drawn towards both ends.
+        places: Where the vertices are, in place of that.
 
     Raises:
         ValueError: A number is not of this kind.
@@ -65,6 +89,14 @@ def leaf_topology(across: int, along: int, silhouette: int, even: bool = False) 
     silhouette_v = towards_ends(np.arange(silhouette + 1) / silhouette, silhouette_share)
     row_steps = _rows_among(along, silhouette, row_share)  # each row ends at vertices of the silhouettes
     inner_v, silhouette_v = silhouette_v[row_steps[1:-1]], silhouette_v[1:-1]
+    if even:
+        inner_v = np.arange(1, along) / along
+    if places is not None:
+        if tuple(map(len, (places.columns, places.rows, places.silhouette))) != (across // 2 - 1, rows, silhouette - 1):
+            raise ValueError("places must be as many as the vertices that they are for")
+        right_u = np.array(places.columns)
+        inner_u = np.concatenate([-right_u[::-1], [0.0], right_u])
+        inner_v, silhouette_v = np.array(places.rows), np.array(places.silhouette)
 
     inner = 2 + np.arange(rows * columns).reshape(rows, columns)
     base, apex = np.full((1, columns), 0), np.full((1, columns), 1)
