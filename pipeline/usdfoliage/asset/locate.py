@@ -147,9 +147,10 @@ def lost_layers(root: Sdf.Layer) -> Iterator[tuple[Path, str]]:
     waiting, seen = [root], {root.identifier}
     while waiting:
         layer = waiting.pop()
-        for reference in sorted(layer.GetCompositionAssetDependencies()):
+        clips = _named_clips(layer)
+        for reference in sorted({*layer.GetCompositionAssetDependencies(), *clips}):
             path = Path(layer.ComputeAbsolutePath(reference))
-            if str(path) in seen or path.suffix.lower() not in USD_SUFFIXES:
+            if str(path) in seen or (path.suffix.lower() not in USD_SUFFIXES and reference not in clips):
                 continue
             seen.add(str(path))
             opened, reason = try_layer(path) if os.path.lexists(path) else (None, MISSING)
@@ -159,6 +160,24 @@ def lost_layers(root: Sdf.Layer) -> Iterator[tuple[Path, str]]:
                 yield path, INCOMPLETE
             else:
                 waiting.append(opened)
+
+
+def _named_clips(layer: Sdf.Layer) -> set[str]:
+    """The files with samples, and their manifests, that value clips of a layer name."""
+    named: set[str] = set()
+
+    def visit(path: Sdf.Path) -> None:
+        is_prim = path.IsPrimPath() or path.IsPrimVariantSelectionPath()
+        prim = layer.GetPrimAtPath(path) if is_prim else None
+        if prim is None or not prim.HasInfo("clips"):
+            return
+        for entry in dict(prim.GetInfo("clips")).values():
+            if isinstance(entry, dict):
+                files = [*(entry.get("assetPaths") or ()), entry.get("manifestAssetPath")]
+                named.update(file.path for file in files if isinstance(file, Sdf.AssetPath) and file.path)
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+    return named
 
 
 def check_usd_name(path: Path) -> None:

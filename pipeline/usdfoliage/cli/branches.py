@@ -158,6 +158,7 @@ def _add_leaves(parser: argparse._ActionsContainer) -> None:
 
 def _add_motion(parser: argparse._ActionsContainer) -> None:
     from usdfoliage.branch.motion.rig import RigSettings
+    from usdfoliage.branch.motion.sway_frames import MAX_FRAMES
 
     parser.add_argument(
         "--rig", action="store_true", help="Write joints that turn the branches (UsdSkel), in the variant rig=skel."
@@ -173,7 +174,7 @@ def _add_motion(parser: argparse._ActionsContainer) -> None:
         "--sway",
         metavar="FRAMES",
         type=int,
-        help="Write a gentle sway of the rig as a loop of so many frames, 2 or more. It includes --rig.",
+        help=f"Write a gentle sway of the rig as a loop of so many frames, 2 to {MAX_FRAMES}. It includes --rig.",
     )
     parser.add_argument(
         "--sway-clips",

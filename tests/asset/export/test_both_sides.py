@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from usdfoliage.asset.export.both_sides import author_both_sides
 from usdfoliage.errors import AssetError
 
@@ -32,6 +32,16 @@ def face_normals(points: np.ndarray, counts: np.ndarray, vertices: np.ndarray) -
     first = np.cumsum(counts) - counts
     at = points[vertices[first[:, None] + np.arange(3)]]
     return np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0])
+
+
+def test_the_sides_of_a_very_small_leaf_are_nearer_than_it_is_wide():
+    stage = Usd.Stage.CreateInMemory()
+    mesh = sheet(stage, "/leaf", True)
+    small = Vt.Vec3fArray.FromNumpy(1e-4 * np.array(mesh.GetPointsAttr().Get(), np.float32))
+    mesh.GetPointsAttr().Set(small)
+    author_both_sides(stage)
+    points = np.array(mesh.GetPointsAttr().Get())
+    assert 0 < np.ptp(points[:, 2]) <= 0.2 * np.ptp(points[:, 0])
 
 
 def test_each_face_gets_one_behind_it_that_looks_back():

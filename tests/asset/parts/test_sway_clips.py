@@ -1,10 +1,15 @@
 """A sway as value clips: the samples of a sway with time samples, again and again."""
 
+import os
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom
+from usdfoliage.asset.export.source import check_exportable
+from usdfoliage.asset.locate import check_layers
 from usdfoliage.asset.packages.other_parts import find_other_parts, write_leaves_beside
 from usdfoliage.asset.parts.copied_parts import lost_leaf_motion
 from usdfoliage.asset.parts.leaf_part import LeafAssetSettings
@@ -13,6 +18,7 @@ from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.validation.validate import validate_asset
 from usdfoliage.branch.motion.rig import RigSettings
 from usdfoliage.branch.motion.sway import SwaySettings
+from usdfoliage.errors import AssetError
 from usdfoliage.jobs.branches.motion import BranchMotion
 from usdfoliage.leaf.shape.edits import LeafEdits, apply_edits
 
@@ -99,12 +105,94 @@ def test_a_shot_shifts_the_sway_of_one_placement(tmp_path, assets):
         plant.GetVariantSets().SetSelection("rig", "skel")
         if shift:
             for which in ("sway", "leafSway"):
-                Usd.ClipsAPI(plant).SetClipTimes([(1, 1 + shift), (3, 5), (3, 1), (7, 5)], which)
+                moved = Usd.ClipsAPI(shot.OverridePrim(f"/{name}/geo"))
+                moved.SetClipTimes([(1, 1 + shift), (3, 5), (3, 1), (7, 5)], which)
     for time in (1, 2, 3, 4):
         late = values(shot, "bezier", time, "/late")
         early = values(shot, "bezier", time + 2, "/early")
         for was, now in zip(early, late, strict=True):
             assert np.array_equal(was, now)
+
+
+def test_native_instances_sway(tmp_path, assets):
+    shot = Usd.Stage.CreateNew(str(tmp_path / "shot.usda"))
+    for name in ("one", "two"):
+        plant = shot.DefinePrim(f"/{name}")
+        plant.GetReferences().AddReference(str(assets[1]))
+        plant.GetVariantSets().SetSelection("rig", "skel")
+        plant.SetInstanceable(True)
+    assert len(shot.GetPrototypes()) == 1
+    samples = open_swaying(assets[0])
+    for time in (2, 3 + FRAMES):
+        expected = values(samples, "bezier", (time - 1) % FRAMES + 1)
+        for was, now in zip(expected, values(shot, "bezier", time, "/two"), strict=True):
+            assert np.array_equal(was, now)
+
+
+def test_branches_without_leaves_sway(tmp_path):
+    asset = write_moving(tmp_path / "bare", "fork", fork(), CLIPS)
+    assert [each for each in validate_asset(asset).findings if each.severity == "error"] == []
+    stage = Usd.Stage.Open(str(asset))
+    stage.GetDefaultPrim().GetVariantSets().SetSelection("rig", "skel")
+    rotations = stage.GetPrimAtPath("/fork/geo/render/Rig/Animation").GetAttribute("rotations")
+    assert rotations.GetNumTimeSamples() > 0
+
+
+def rewrite(asset, folder, leaves, *representations):
+    """The asset's other parts with these leaves, in a new asset called ash."""
+    stage = Usd.Stage.Open(str(asset))
+    others = find_other_parts(stage.GetDefaultPrim(), asset)
+    assert others is not None
+    run = Provenance(capture="plant.ply", generator="test", seed=0, input_sha256="")
+    folder.mkdir()
+    return write_leaves_beside(folder, "ash", leaves, others, run, LeafAssetSettings(representations=representations))
+
+
+def test_fewer_representations_keep_no_variant_of_the_others(tmp_path, assets, grown):
+    swaying = Usd.Stage.Open(str(rewrite(assets[1], tmp_path / "ash", grown.foliage.leaves, "bezier", "mesh")))
+    swaying.GetDefaultPrim().GetVariantSets().SetSelection("rig", "skel")
+    names = swaying.GetDefaultPrim().GetVariantSet("representation").GetVariantNames()
+    assert sorted(names) == ["bezier", "mesh"]
+
+
+def copy_asset(asset: Path, folder: Path) -> Path:
+    shutil.copytree(asset.parent, folder)
+    return folder / asset.name
+
+
+@pytest.mark.parametrize("elsewhere", ["../../../secret.usda", "/etc/passwd"])
+def test_a_copy_names_its_own_clips_whatever_the_original_names(tmp_path, assets, grown, elsewhere):
+    asset = copy_asset(assets[1], tmp_path / "given")
+    layer = Sdf.Layer.FindOrOpen(str(asset.parent / "payload" / "rig_clips.usda"))
+    geometry = layer.GetPrimAtPath("/fork/geo")
+    entry = dict(dict(geometry.GetInfo("clips"))["sway"])
+    entry["manifestAssetPath"] = Sdf.AssetPath(elsewhere)
+    entry["assetPaths"] = Sdf.AssetPathArray([Sdf.AssetPath(elsewhere)])
+    geometry.SetInfo("clips", {"sway": entry})
+    layer.Save()
+    made = rewrite(asset, tmp_path / "ash", grown.foliage.leaves, *FORMS)
+    text = (made.parent / "payload" / "rig_clips.usda").read_text()
+    assert elsewhere not in text
+    assert "./clips/rig_clips.usdc" in text
+    assert [each for each in validate_asset(made).findings if each.severity == "error"] == []
+
+
+def test_clips_that_cannot_be_read_are_a_finding(tmp_path, assets):
+    asset = copy_asset(assets[1], tmp_path / "given")
+    file = asset.parent / "payload" / "clips" / "rig_clips_manifest.usda"
+    file.write_text("no USD")
+    (finding,) = validate_asset(asset).findings
+    assert (finding.severity, finding.path) == ("error", "payload/clips/rig_clips_manifest.usda")
+    file.unlink()
+    os.mkfifo(file)
+    (finding,) = validate_asset(asset).findings
+    assert "regular file" in finding.message
+    for read in (
+        lambda: check_layers(Sdf.Layer.FindOrOpen(str(asset)), asset),
+        lambda: check_exportable(asset, "0.1.0"),
+    ):
+        with pytest.raises(AssetError, match="regular file"):
+            read()
 
 
 def test_no_sample_is_anywhere_else(assets):

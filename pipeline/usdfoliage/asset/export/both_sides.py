@@ -8,13 +8,14 @@ from usdfoliage.asset.parts.leaf_gprims import outward_corners
 from usdfoliage.errors import AssetError
 
 THICKNESS_M = 2e-4  # of a leaf; sides in one place would shade each other
+MAX_SHARE = 0.1  # of an edge of its mesh, for leaves that are very small
 
 
 def author_both_sides(stage: Usd.Stage, thickness_m: float = THICKNESS_M) -> None:
     """Give every double-sided mesh of a stage a second face behind each of its own, turned round.
 
-    The sides lie half the thickness in front of the surface and behind it. Meshes stay double-sided, so that what
-    draws the backs of faces too shades both sides in the same way.
+    The sides lie half the thickness in front of the surface and behind it, or less where faces are very small. Meshes
+    stay double-sided, so that what draws the backs of faces too shades both sides in the same way.
 
     Args:
         stage: Flat, in metres, its meshes of polygons with a normal at each point; it is changed.
@@ -36,6 +37,8 @@ def _double(mesh: UsdGeom.Mesh, away_m: float) -> None:
         raise AssetError(what, "write the asset again")
     counts = np.array(mesh.GetFaceVertexCountsAttr().Get(), np.int64)
     vertices = np.array(mesh.GetFaceVertexIndicesAttr().Get(), np.int64)
+    edges_m = np.linalg.norm(points[vertices[1:]] - points[vertices[:-1]], axis=1)
+    away_m = min(away_m, MAX_SHARE * float(np.median(edges_m)))
     turned = _turned_corners(counts)
     for primvar in UsdGeom.PrimvarsAPI(mesh).GetPrimvarsWithAuthoredValues():
         _double_primvar(primvar, turned)

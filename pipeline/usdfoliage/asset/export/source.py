@@ -8,7 +8,7 @@ from pathlib import Path
 from pxr import Usd
 
 from usdfoliage.asset.asset_record import is_asset_folder
-from usdfoliage.asset.locate import find_interface, open_layer
+from usdfoliage.asset.locate import check_layers, find_interface, open_layer
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY
 from usdfoliage.asset.looks.look import open_asset
 from usdfoliage.asset.packages.contents import interface_of, list_files, require_plant
@@ -48,6 +48,7 @@ def check_exportable(asset: Path, version: str) -> ExportSource:
     _check_default_prim(asset, interface)
     _check_version(interface, version)
     for file in dict.fromkeys((interface, named)):
+        check_layers(open_layer(file), file)  # USD would wait for a pipe among them
         missing = list_files(file)[2]
         if missing:
             more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""

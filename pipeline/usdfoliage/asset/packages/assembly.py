@@ -98,9 +98,10 @@ def close_asset(
     from_afar_first = sorted(parts, key=lambda part: not part.far)
     materials = [author for part in from_afar_first for author in part.materials]
     write_materials_layer(place.payload / MATERIAL_LAYER, place.name, materials)
+    near_m = [box for part in parts for box in part.near_m]
     for part in parts:
         if part.finish is not None:
-            part.finish(plant.extent_m)
+            part.finish(box_around(near_m) if near_m else plant.extent_m)
     write_payload_layer(place.payload / "payload.usda", place.name, shared, sets, _times_of(parts))
     if needs_file(plant.provenance):
         write_provenance_file(place.folder, plant.provenance)

@@ -27,7 +27,7 @@ from usdfoliage.asset.parts.leaf_motion import (
 )
 from usdfoliage.asset.parts.leaf_part import MATERIAL_LAYER
 from usdfoliage.asset.parts.part import AssetPlace, Box, Part
-from usdfoliage.asset.parts.sway_clips import CLIP_ROOT, LEAF_CLIPS, RIG_CLIPS, clip_files
+from usdfoliage.asset.parts.sway_clips import CLIP_ROOT, LEAF_CLIPS, RIG_CLIPS, clip_files, keep_own_clips
 from usdfoliage.asset.plant import BARE_BRANCHES, BRANCHES, CROWN, LEAVES, TO_CROWN, TO_SKELETON
 from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.asset.variants import REPRESENTATIONS, VariantSet
@@ -188,6 +188,7 @@ def _copy_layers(others: OtherParts, layers: Iterable[str], place: AssetPlace, d
         _copy_pictures(copied, Sdf.Path.absoluteRootPath, source, place.payload)
         file = layer.removeprefix("./")
         if file in _CLIPS:
+            keep_own_clips(copied, place.name, file, () if drawn is None else drawn.representations)
             boxes += _copy_clips(others.interface, file, place, drawn)
         elif drawn is not None and file in _MOTION:
             boxes += adapt_leaf_motion(copied, place.name, drawn)

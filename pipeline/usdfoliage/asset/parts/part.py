@@ -63,7 +63,7 @@ class Part:
     frames: int = 0  # of what moves
     times: Mapping[str, float] = field(default_factory=dict)  # range of time of what moves, as metadata of a layer
     lod: str = ""  # the one that was selected where the part comes from
-    # Writes layers that need the box around the whole asset, or its materials layer.
+    # Writes layers that need the box around all that is near, in every part.
     finish: Callable[[Box], None] | None = None
 
 

@@ -1,6 +1,6 @@
 """A sway as value clips: its samples in files of their own, which a shot loops, shifts and stretches.
 
-A layer names the clip sets sway (joints) and leafSway (places of leaves) on the root prim; for each, one file has the
+A layer names the clip sets sway (joints) and leafSway (places of leaves) on the prim geo; for each, one file has the
 samples of one loop, and another one the manifest. USD reads a sample once it is asked for. What the clips hold is below
 /clip, whatever the plant is called, so that these files are copied as they are.
 
@@ -34,6 +34,7 @@ LOOPS = 20  # of the sway, that the clips cover
 
 _SETS = {RIG_CLIPS: "sway", LEAF_CLIPS: "leafSway"}
 _FOLDER = "clips"  # of the payload's folder
+_OF = "geo"  # below the root prim, which holds all that moves: in a native instance clips of its root do not count
 
 
 def write_rig_clips(payload: Path, name: str, rigged: BranchRig) -> str:
@@ -94,6 +95,24 @@ def clip_files(layer: str) -> tuple[str, str]:
     return f"{_FOLDER}/{stem}.usdc", f"{_FOLDER}/{stem}_manifest.usda"
 
 
+def keep_own_clips(layer: Sdf.Layer, name: str, file: str, representations: Sequence[str]) -> None:
+    """Make a copied layer (RIG_CLIPS, LEAF_CLIPS) name its own two files, whatever it named, and keep of the
+    representations those that there are."""
+    root = layer.GetPrimAtPath(f"/{name}")
+    geometry = layer.GetPrimAtPath(f"/{name}/{_OF}")
+    samples, manifest = clip_files(file)
+    clips = {} if geometry is None else dict(geometry.GetInfo("clips"))
+    entry = dict(clips.get(_SETS[file], {}))
+    entry["assetPaths"] = Sdf.AssetPathArray([Sdf.AssetPath(f"./{samples}")])
+    entry["manifestAssetPath"] = Sdf.AssetPath(f"./{manifest}")
+    if geometry is not None:
+        geometry.SetInfo("clips", {_SETS[file]: entry})
+    if root is not None and REPRESENTATION in root.variantSets:
+        variants = root.variantSets[REPRESENTATION]
+        for gone in [variant for each, variant in variants.variants.items() if each not in representations]:
+            variants.RemoveVariant(gone)
+
+
 def _write_clips(
     payload: Path,
     name: str,
@@ -118,13 +137,15 @@ def _write_clips(
     root = named.GetDefaultPrim()
     for prim in moved.get("", ()):
         named.OverridePrim(root.GetPath().AppendPath(prim))
-    for representation in each_variant(named, root.GetPath(), REPRESENTATION, [each for each in moved if each]):
-        for prim in moved[representation]:
-            named.OverridePrim(root.GetPath().AppendPath(prim))
-    clips, which = Usd.ClipsAPI(root), _SETS[layer]
+    representations = [each for each in moved if each]
+    if representations:
+        for representation in each_variant(named, root.GetPath(), REPRESENTATION, representations):
+            for prim in moved[representation]:
+                named.OverridePrim(root.GetPath().AppendPath(prim))
+    clips, which = Usd.ClipsAPI(named.OverridePrim(root.GetPath().AppendPath(_OF))), _SETS[layer]
     clips.SetClipAssetPaths([Sdf.AssetPath(f"./{samples}")], which)
     clips.SetClipManifestAssetPath(Sdf.AssetPath(f"./{manifest}"), which)
-    clips.SetClipPrimPath(f"/{CLIP_ROOT}", which)
+    clips.SetClipPrimPath(f"/{CLIP_ROOT}/{_OF}", which)
     clips.SetClipActive(Vt.Vec2dArray([(FIRST_FRAME, 0)]), which)
     clips.SetClipTimes(loop_times(frames), which)
     export_layer(named, payload / layer)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.motion.rig import Rig
+from usdfoliage.branch.motion.sway_frames import check_sway_frames
 
 _SIDEWAYS = 0.4  # of a swing, across it: tips go round on ellipses
 _LOW, _HIGH = 0.4, 2.0  # times the typical swing
@@ -27,8 +28,7 @@ class SwaySettings:
     max_cycles: int = 4  # of the shortest
 
     def __post_init__(self) -> None:
-        if self.frames < 2:
-            raise ValueError(f"frames must be 2 or more, not {self.frames}")
+        check_sway_frames(self.frames)
         if not (0 <= self.swing_rad <= 1 and 0 <= self.trunk_share <= 1):
             raise ValueError(
                 f"swing_rad and trunk_share must be 0 to 1, not {self.swing_rad:g} and {self.trunk_share:g}"

@@ -11,6 +11,7 @@ from usdfoliage.branch.foliage.place import FoliageSettings
 from usdfoliage.branch.foliage.species import GENERIC, Species, load_species
 from usdfoliage.branch.motion.rig import RigSettings
 from usdfoliage.branch.motion.sway import SwaySettings
+from usdfoliage.branch.motion.sway_frames import MAX_FRAMES
 from usdfoliage.branch.tracing.radii import RadiusSettings
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
 from usdfoliage.cli.options.leaf_commands import name_option, read_resolution
@@ -118,9 +119,10 @@ def _read_motion(options: argparse.Namespace) -> BranchMotion:
         raise FoliageError("--rig-order is of a rig", "add --rig or --sway")
     if options.rig_order is not None and options.rig_order < 0:
         raise FoliageError(f"--rig-order must be 0 or more, not {options.rig_order}")
-    for name, frames in (("--sway", options.sway), ("--growth", options.growth)):
-        if frames is not None and frames < 2:
-            raise FoliageError(f"{name} must be 2 frames or more, not {frames}")
+    if options.growth is not None and options.growth < 2:
+        raise FoliageError(f"--growth must be 2 frames or more, not {options.growth}")
+    if options.sway is not None and not 2 <= options.sway <= MAX_FRAMES:
+        raise FoliageError(f"--sway must be 2 to {MAX_FRAMES} frames, not {options.sway}")
     if has_rig:
         rig = RigSettings() if options.rig_order is None else RigSettings(order=options.rig_order)
     if options.sway is not None:

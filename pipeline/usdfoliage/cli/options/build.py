@@ -107,13 +107,18 @@ def read_settings(options: argparse.Namespace) -> "BuildSettings":
     settings = BuildSettings()
     if options.plan is not None:
         settings = read_settings_file(options.plan, settings)
+    for name, option, given in (
+        ("species", "--species", options.species),
+        ("hold_back", "--hold-back", options.hold_back),
+        ("sway_frames", "--sway", options.sway),
+    ):
+        if given is None:
+            continue
+        try:
+            settings = replace(settings, plant=replace(settings.plant, **{name: given}))
+        except ValueError as error:
+            raise FoliageError(str(error).replace(name, option)) from error
     try:
-        if options.species is not None:
-            settings = replace(settings, plant=replace(settings.plant, species=options.species))
-        if options.hold_back is not None:
-            settings = replace(settings, plant=replace(settings.plant, hold_back=options.hold_back))
-        if options.sway is not None:
-            settings = replace(settings, plant=replace(settings.plant, sway_frames=options.sway))
         return with_seed(settings, settings.seed if options.seed is None else options.seed)
     except ValueError as error:
         raise FoliageError(f"--{error}") from error

@@ -15,7 +15,7 @@ def describe_setting(settings: object, name: str) -> str:
         name: A field of it.
     """
     meaning, unit, allowed = split_comment(field_comments(cast(Hashable, type(settings))).get(name, ""))
-    if " to " in allowed and allowed[0].isdigit():
+    if " to " in allowed and " or " not in allowed and allowed[0].isdigit():
         allowed = f"from {allowed}"
     default = state_default(getattr(settings, name))
     value = ", ".join([*([f"in {unit}"] if unit else []), *([allowed] if allowed else [])])

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 from usdfoliage.asset.variants import check_representations
+from usdfoliage.branch.motion.sway_frames import MAX_FRAMES
 from usdfoliage.capture.folder.hold_back import check_hold_back
-
-MAX_SWAY_FRAMES = 10_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,9 +39,7 @@ class PlantSettings:
 
     def __post_init__(self) -> None:
         check_hold_back(self.hold_back)
-        if self.sway_frames and not 2 <= self.sway_frames <= MAX_SWAY_FRAMES:
-            raise ValueError(f"sway_frames must be 0, or 2 to {MAX_SWAY_FRAMES}, not {self.sway_frames}")
-        if self.sway_clips and not self.sway_frames:
-            raise ValueError("sway_clips is of a sway: set sway_frames too")
+        if self.sway_frames and not 2 <= self.sway_frames <= MAX_FRAMES:
+            raise ValueError(f"sway_frames must be 0, or 2 to {MAX_FRAMES}, not {self.sway_frames}")
         if self.representations is not None:
             check_representations(self.representations)

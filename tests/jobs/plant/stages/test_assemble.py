@@ -9,6 +9,7 @@ import pytest
 from pxr import Usd, UsdGeom, UsdSkel
 from usdfoliage.asset.packages.contents import interface_of
 from usdfoliage.asset.parts.leaf_part import BranchLeaves
+from usdfoliage.asset.validation.validate import validate_asset
 from usdfoliage.branch.cage.build import build_branch_cage
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.model_file import BranchesModel, TracedPlant, write_branches_model, write_traced_plant
@@ -198,6 +199,9 @@ def test_a_build_sways_with_the_leaves_that_were_found(tmp_path, clips):
     assert max(far_m) > 0.02
     assert max(near_m) < 0.1 * max(far_m)  # at the trunk's foot hardly anything moves
     assert (call.out / "asset" / "payload" / "rig_clips.usda").is_file() == clips
+    # The crown is wider than the fork: the box of what sways holds the fork alone.
+    findings = validate_asset(call.out / "asset").findings
+    assert [each for each in findings if each.severity == "error"] == []
 
 
 def test_a_sway_without_branches_is_a_warning(tmp_path):

@@ -97,7 +97,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         remarks.append(remark("crown-left-out", text))
 
     if call.settings.plant.sway_frames:
-        if branches is None:
+        if branches is None or not len(branches.surfaces.whole.curve):
             text = "the plant does not sway: it has no branches that joints could turn"
             remarks.append(remark("sway-without-branches", text))
         else:
