@@ -4,7 +4,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given
-from usdfoliage.branch.distances import distances_to_cloud, distances_to_surface, sample_axes
+from usdfoliage.branch.distances import distances_to_cloud, distances_to_surface, place_on_axes, sample_axes
 
 from tests.support.branch_clouds import cloud_of, cone, rings, small_tree
 from tests.support.branch_shapes import fork, plant_of
@@ -69,3 +69,17 @@ def test_edges_without_length_have_no_direction_and_do_no_harm():
 
 def test_no_points_have_no_distances():
     assert distances_to_surface(np.zeros((0, 3)), pole(), STEP_M).shape == (0,)
+
+
+@pytest.mark.parametrize("apart_m", [0.3, 0.7, 5.0])
+def test_places_on_axes_are_no_farther_apart_than_that(apart_m):
+    plant = fork()
+    places = place_on_axes(plant, apart_m)
+    assert np.array_equal(np.unique(places.vertex), [0, 1, 3, 5])
+    for vertex in (0, 1, 3, 5):
+        start_m, end_m = plant.points_m[vertex], plant.points_m[vertex + 1]
+        along_m = np.linalg.norm(places.points_m[places.vertex == vertex] - start_m, axis=1)
+        length_m = np.linalg.norm(end_m - start_m)
+        gaps_m = np.diff(np.concatenate([[-along_m[0]], along_m, [2 * length_m - along_m[-1]]]))
+        assert (gaps_m <= apart_m + 1e-9).all() or len(along_m) == 1
+        assert gaps_m == pytest.approx(gaps_m[0])

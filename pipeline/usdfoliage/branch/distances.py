@@ -1,5 +1,7 @@
 """How far a cloud and the branches that were traced through it are from each other."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -11,10 +13,24 @@ _AROUND = 8  # points around a branch, of its surface
 _NEAREST = 16  # places on axes that are looked at for each point: the nearest axis need not have the nearest surface
 
 
+class AxisPlaces(NamedTuple):
+    """K places on axes, evenly along each segment."""
+
+    points_m: NDArray[np.float64]  # (K, 3)
+    radius_m: NDArray[np.float64]  # (K,)
+    direction: NDArray[np.float64]  # (K, 3), unit; 0 on a segment without length
+    vertex: NDArray[np.int64]  # (K,), index into the skeleton's points, of the segment's first
+
+
 def sample_axes(
     skeleton: Skeleton, step_m: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Places along all axes: (K, 3), radii there (K,), unit directions (K, 3).
+    """Places along all axes: (K, 3), radii there (K,), unit directions (K, 3); as place_on_axes."""
+    return place_on_axes(skeleton, step_m)[:3]
+
+
+def place_on_axes(skeleton: Skeleton, step_m: float) -> AxisPlaces:
+    """Places along all axes, at least one on each segment.
 
     Args:
         skeleton: Whose.
@@ -32,7 +48,7 @@ def sample_axes(
     places_m = start_m[of] + share * along_m[of]
     radii_m = (1 - share[:, 0]) * skeleton.radius_m[end - 1][of] + share[:, 0] * skeleton.radius_m[end][of]
     direction = np.divide(along_m, length_m[:, None], out=np.zeros_like(along_m), where=length_m[:, None] > 0)
-    return places_m, radii_m, direction[of]
+    return AxisPlaces(points_m=places_m, radius_m=radii_m, direction=direction[of], vertex=end[of] - 1)
 
 
 def distances_to_surface(points_m: NDArray[np.float64], skeleton: Skeleton, step_m: float) -> NDArray[np.float64]:

@@ -13,7 +13,6 @@ from usdfoliage.branch.motion.surface_places import (
     find_places,
     nearest_places,
     places_at,
-    sample_axes,
 )
 
 from tests.support.branch_shapes import fork, plant_of, random_tree
@@ -37,20 +36,6 @@ def test_the_nearest_bark_may_be_that_of_the_farther_axis():
     assert places.arc_m == pytest.approx([1, 0.4, 1.3, 1.3])
     alone = nearest_places(plant, points_m, np.array([1]), apart_m=0.01)
     assert alone.curve.tolist() == [1, 1, 1, 1]
-
-
-@pytest.mark.parametrize("apart_m", [0.3, 0.7, 5.0])
-def test_samples_of_axes_are_no_farther_apart_than_that(apart_m):
-    plant = fork()
-    samples = sample_axes(plant, apart_m)
-    assert np.array_equal(np.unique(samples.vertex), [0, 1, 3, 5])
-    for vertex in (0, 1, 3, 5):
-        start_m, end_m = plant.points_m[vertex], plant.points_m[vertex + 1]
-        along_m = np.linalg.norm(samples.points_m[samples.vertex == vertex] - start_m, axis=1)
-        length_m = np.linalg.norm(end_m - start_m)
-        gaps_m = np.diff(np.concatenate([[-along_m[0]], along_m, [2 * length_m - along_m[-1]]]))
-        assert (gaps_m <= apart_m + 1e-9).all() or len(along_m) == 1
-        assert gaps_m == pytest.approx(gaps_m[0])
 
 
 @given(seed=st.integers(0, 10_000), share=st.floats(0, 1))

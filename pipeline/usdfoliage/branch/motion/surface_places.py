@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.branch.cage.sectors import SIDES
+from usdfoliage.branch.distances import place_on_axes
 from usdfoliage.branch.model import Skeleton
 
 _BLOCK = 500_000  # pairs of a point and a segment that are looked at together
@@ -78,25 +79,6 @@ def find_places(skeleton: Skeleton, points_m: NDArray[np.float64], curve: NDArra
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class AxisSamples:
-    """S points on axes, evenly along each segment."""
-
-    points_m: NDArray[np.float64]  # (S, 3)
-    vertex: NDArray[np.int64]  # (S,), index into the skeleton's points, of the segment's first
-
-
-def sample_axes(skeleton: Skeleton, apart_m: float) -> AxisSamples:
-    """Points on the axes of branches, at most apart_m metres from the next, and at least one on each segment."""
-    segment = np.flatnonzero(np.diff(skeleton.curve) == 0)
-    start_m, end_m = skeleton.points_m[segment], skeleton.points_m[segment + 1]
-    length_m = np.linalg.norm(end_m - start_m, axis=1)
-    count = np.maximum(np.ceil(length_m / apart_m), 1).astype(np.int64)
-    each = np.repeat(np.arange(len(segment)), count)
-    share = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[each]
-    return AxisSamples(points_m=start_m[each] + share[:, None] * (end_m - start_m)[each], vertex=segment[each])
-
-
 def nearest_places(
     skeleton: Skeleton, points_m: NDArray[np.float64], curves: NDArray[np.integer], apart_m: float
 ) -> Places:
@@ -108,10 +90,9 @@ def nearest_places(
         curves: Branches that may be chosen, one at least.
         apart_m: How finely axes are looked at, in metres.
     """
-    samples = sample_axes(skeleton, apart_m)
-    mine = np.isin(skeleton.curve[samples.vertex], curves)
-    axis_m, vertex = samples.points_m[mine], samples.vertex[mine]
-    radius_m = skeleton.radius_m[vertex]
+    places = place_on_axes(skeleton, apart_m)
+    mine = np.isin(skeleton.curve[places.vertex], curves)
+    axis_m, radius_m, vertex = places.points_m[mine], places.radius_m[mine], places.vertex[mine]
     # Among axes of one radius the nearest axis is that of the nearest bark.
     radius_class = np.floor(np.log(radius_m) / np.log(_ONE_RADIUS))
     nearest, from_bark_m = np.zeros(len(points_m), np.int64), np.full(len(points_m), np.inf)

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdfoliage.branch.distances import place_on_axes
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.motion.surface_places import sample_axes
 from usdfoliage.jobs.plant.stages.plant_hue import find_plant_hue
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.measures import leaf_width
@@ -24,18 +24,17 @@ def lie_along_stems(leaves: Leaves, skeleton: Skeleton) -> NDArray[np.bool_]:
     """(N,) leaves that are hardly wider than a stem whose course they follow; both in one frame, in metres."""
     if not len(leaves) or not (np.diff(skeleton.curve) == 0).any():
         return np.zeros(len(leaves), bool)
-    samples = sample_axes(skeleton, float(np.median(leaves.length_m)) / (2 * _ALONG))
-    start = samples.vertex
-    along = skeleton.points_m[start + 1] - skeleton.points_m[start]
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    axes = place_on_axes(skeleton, float(np.median(leaves.length_m)) / (2 * _ALONG))
     places = np.column_stack([np.zeros(_ALONG), np.linspace(0.05, 0.95, _ALONG)])
     points_m = evaluate_points(leaves.parameters, places, placements=leaves.asset_from_leaf())
-    away_m, nearest = (np.asarray(each) for each in cKDTree(samples.points_m).query(points_m.reshape(-1, 3)))
-    radius_m = skeleton.radius_m[start][nearest].reshape(len(leaves), _ALONG)
+    away_m, nearest = (np.asarray(each) for each in cKDTree(axes.points_m).query(points_m.reshape(-1, 3)))
+    radius_m = skeleton.radius_m[axes.vertex][nearest].reshape(len(leaves), _ALONG)
     away_m = away_m.reshape(len(leaves), _ALONG)
     course = np.gradient(points_m, axis=1)
     course /= np.maximum(np.linalg.norm(course, axis=2, keepdims=True), 1e-12)
-    parallel = np.abs(np.einsum("nki,nki->nk", course, along[nearest].reshape(len(leaves), _ALONG, 3))) > _PARALLEL
+    parallel = (
+        np.abs(np.einsum("nki,nki->nk", course, axes.direction[nearest].reshape(len(leaves), _ALONG, 3))) > _PARALLEL
+    )
     width = leaf_width(leaves.parameters)
     on_stem = parallel & (away_m < radius_m + 0.5 * (width * leaves.length_m)[:, None])
     thin = width * leaves.length_m < _WIDER * 2 * np.median(radius_m, axis=1)
