@@ -15,7 +15,7 @@ from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.join import join_branches
 from usdfoliage.branch.cage.layout import Layout
 from usdfoliage.branch.cage.mesh import Built
-from usdfoliage.branch.cage.pieces import LoosePieces, cut_loose
+from usdfoliage.branch.cage.pieces import LoosePieces, StandingWood, cut_loose
 from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.model import Skeleton
 
@@ -50,7 +50,7 @@ class BranchCage:
     fork_counts: NDArray[np.int32]  # (J,)
     fork_curve: NDArray[np.int32]  # (J,), branch that leaves there
     dropped: tuple[DroppedBranch, ...]  # by branch
-    loose: tuple[int, ...] = ()  # branches that begin a closed piece of their own, beside what they spring from
+    loose: tuple[int, ...] = ()  # branches that begin a closed piece of their own, inside what they spring from
 
 
 def build_branch_cage(skeleton: Skeleton, settings: BranchCageSettings = BranchCageSettings()) -> BranchCage:
@@ -58,21 +58,19 @@ def build_branch_cage(skeleton: Skeleton, settings: BranchCageSettings = BranchC
 
     A branch that ends inside its parent is left out, named in dropped, and what it carries leaves the parent instead.
     What crosses at a fork is tried again with a smaller hole and a longer way out; at last it becomes a closed piece of
-    its own that begins beside its parent, named in loose, with all that it carries.
+    its own that runs into its parent, named in loose, with all that it carries.
     """
     cage = _build_joined(skeleton, settings)
-    for _ in range(PIECE_ROUNDS):
+    for number in range(PIECE_ROUNDS):
         lost = np.zeros(len(skeleton), bool)
         lost[[each.curve for each in cage.dropped if each.reason in _AT_FORKS]] = True
         joined = np.ones(len(skeleton), bool)
         joined[[each.curve for each in cage.dropped]] = False
-        pieces = cut_loose(skeleton, lost, joined)
+        wood = StandingWood(points_m=cage.points_m, faces=cage.faces) if len(cage.faces) else None
+        pieces = cut_loose(skeleton, lost, joined, wood, alone=number == PIECE_ROUNDS - 1)
         if pieces is None:
             break
-        before = len(cage.dropped)
         cage = _with_pieces(cage, _build_joined(pieces.skeleton, settings), pieces, skeleton)
-        if len(cage.dropped) == before:
-            break
     return cage
 
 

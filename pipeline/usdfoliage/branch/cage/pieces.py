@@ -1,23 +1,28 @@
-"""Branches that cannot be joined to their parent without crossing it, as plants of their own that begin beside it.
+"""Branches that cannot be joined to their parent in one mesh: closed pieces of their own that run into it.
 
-A limb that is left out would take all that it carries with it. It begins where it is clear of what it springs from.
-The method is our own.
+A limb that is left out would take all that it carries with it. Its piece begins on the axis of what it springs from, no
+thicker than that is there, so that no light passes between the two and nothing stands out on the other side. The method
+is our own.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdfoliage._native import refine_catmull_clark
 from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.model import Skeleton
 
-_STEP = 0.25  # of the radius of what is walked along
-_GAP = 0.1  # of a branch's radius, between it and what it springs from
-_MIN_LENGTH = 3.0  # radii, that a piece must be long
-_NEAREST = 8  # places on the axes below that are looked at
-_AT_FIRST = 64  # places along a branch that are looked at before all the others
+THICKEST = 0.8  # of the radius of what a piece springs from, where it begins
+GROWTH = 0.3  # of its radius, for a length, from there on
+FOOT = 2.4  # of its radius, that a piece begins inside: its third ring stands so far from the first
+MIN_STUB = 0.3  # of its radius, that a piece must stand out at least
+_LEVELS = 2  # of division of the faces near the place where a piece leaves
+_FACES = 8  # by whose size the reach around a place is chosen
+_STEP = 0.25  # of a branch's mean radius, between places on axes that are looked at
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,46 +33,97 @@ class LoosePieces:
     curve: NDArray[np.int32]  # (B,), the branch that each one is in the skeleton that they are from
 
 
-def cut_loose(skeleton: Skeleton, lost: NDArray[np.bool_], joined: NDArray[np.bool_]) -> LoosePieces | None:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StandingWood:
+    """The surface that there is already."""
+
+    points_m: NDArray[np.float64]  # (P, 3), of a closed cage
+    faces: NDArray[np.int32]  # (F, 4)
+
+    @cached_property
+    def middle_m(self) -> NDArray[np.float64]:
+        """(F, 3), middles of the faces."""
+        return np.asarray(self.points_m[self.faces].mean(axis=1))
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        return cKDTree(self.middle_m)
+
+    def find_outside(self, places_m: NDArray[np.float64]) -> NDArray[np.bool_] | None:
+        """(N,), which places (N, 3) of a polyline are outside the limit of the faces near it; None without any."""
+        middle_m = (places_m.min(axis=0) + places_m.max(axis=0)) / 2
+        reach_m = float(np.linalg.norm(places_m - middle_m, axis=1).max())
+        near = np.array(sorted(self.tree.query_ball_point(middle_m, reach_m + 2 * self._typical_m(middle_m))), np.int64)
+        if not len(near):
+            return None
+        used, corners = np.unique(self.faces[near], return_inverse=True)
+        refined = refine_catmull_clark(
+            self.points_m[used],
+            np.full(len(near), 4, np.int32),
+            corners.astype(np.int32).ravel(),
+            crease_edges=np.zeros((0, 2), np.int32),
+            crease_sharpness=np.zeros(0, np.float32),
+            corner_vertices=np.zeros(0, np.int32),
+            corner_sharpness=np.zeros(0, np.float32),
+            levels=_LEVELS,
+            limit=True,
+        )
+        around = refined.points[refined.faces.reshape(-1, 4)]
+        at_m = around.mean(axis=1)
+        normal = np.cross(around[:, 2] - around[:, 0], around[:, 3] - around[:, 1])
+        nearest = np.asarray(cKDTree(at_m).query(places_m)[1])
+        return np.asarray(np.einsum("nc,nc->n", places_m - at_m[nearest], normal[nearest]) > 0)
+
+    def _typical_m(self, place_m: NDArray[np.float64]) -> float:
+        """The size of the faces near a place."""
+        found = np.asarray(self.tree.query(place_m, k=min(_FACES, len(self.faces)))[1]).reshape(-1)
+        corners_m = self.points_m[self.faces[found]]
+        return float(np.linalg.norm(corners_m - self.middle_m[found][:, None], axis=2).max())
+
+
+def cut_loose(
+    skeleton: Skeleton,
+    lost: NDArray[np.bool_],
+    joined: NDArray[np.bool_],
+    wood: StandingWood | None = None,
+    *,
+    alone: bool = False,
+) -> LoosePieces | None:
     """What can be saved of branches that are lost; None where nothing can.
 
     Args:
         skeleton: All branches.
         lost: (B,), that could not be joined to what they spring from, with all that they carry.
         joined: (B,), that are in the surface.
+        wood: That surface, where a piece comes out of it; by the radii of the branches where it is not given.
+        alone: True makes a piece of each branch, with no fork among them: none of these can cross.
     """
     parts: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
     curve: list[int] = []
     parent_curve: list[int] = []
     parent_vertex: list[int] = []
     number = np.full(len(skeleton), -1)  # of a branch among the pieces
-    begin = np.zeros(len(skeleton), np.int64)  # first of its own vertices that is left, and where that is put
-    place = np.zeros(len(skeleton), np.int64)
+    own_first = np.zeros(len(skeleton), np.int64)  # where the first of its own points is put
+    cut_off = np.zeros(len(skeleton), np.int64)  # of its own points, how many the piece lacks
     total = 0
     for branch in np.flatnonzero(lost).tolist():  # parents first
-        part = skeleton.branch(branch)
-        points_m, radius_m = skeleton.points_m[part], skeleton.radius_m[part]
         above, leaves = int(skeleton.parent_curve[branch]), int(skeleton.parent_vertex[branch])
-        has_piece = above >= 0 and number[above] >= 0
-        if has_piece and leaves - skeleton.first[above] >= begin[above]:
+        # What left from the part of a piece that was cut off runs into what is there now.
+        has_piece = above >= 0 and number[above] >= 0 and leaves - int(skeleton.first[above]) >= cut_off[above]
+        if has_piece and not alone:
+            points_m, radius_m = skeleton.points_m[skeleton.branch(branch)], skeleton.radius_m[skeleton.branch(branch)]
             parent_curve.append(int(number[above]))
-            parent_vertex.append(int(place[above] + leaves - skeleton.first[above] - begin[above]))
-            kept = 0
+            parent_vertex.append(int(own_first[above]) + leaves - int(skeleton.first[above]))
+            added = gone = 0
         else:
-            start = _first_clear(skeleton, branch, joined | (number >= 0))
-            if start is None:
+            found = _begin_inside(skeleton, branch, joined | (number >= 0), wood)
+            if found is None:
                 continue
-            kept, share = start
-            first_m = (1 - share) * points_m[kept] + share * points_m[kept + 1]
-            first_radius_m = (1 - share) * radius_m[kept] + share * radius_m[kept + 1]
-            points_m = np.concatenate([first_m[None], points_m[kept + 1 :]])
-            radius_m = np.concatenate([[first_radius_m], radius_m[kept + 1 :]])
+            points_m, radius_m, added, gone = found
             parent_curve.append(-1)
             parent_vertex.append(-1)
         number[branch] = len(curve)
-        # Of a piece that begins between two vertices the first one is new, and nothing springs from it.
-        begin[branch] = kept + 1 if parent_curve[-1] < 0 else 0
-        place[branch] = total + (1 if parent_curve[-1] < 0 else 0)
+        own_first[branch], cut_off[branch] = total + added, gone
         curve.append(branch)
         parts.append((points_m, radius_m))
         total += len(points_m)
@@ -89,85 +145,90 @@ def cut_loose(skeleton: Skeleton, lost: NDArray[np.bool_], joined: NDArray[np.bo
     )
 
 
-def _first_clear(skeleton: Skeleton, branch: int, standing: NDArray[np.bool_]) -> tuple[int, float] | None:
-    """The edge of a branch, and the share along it, from where on it is clear of all that stands below it."""
-    below: list[int] = []
-    parent = int(skeleton.parent_curve[branch])
-    while parent >= 0:
-        if standing[parent]:
-            below.append(parent)
-        parent = int(skeleton.parent_curve[parent])
-    points_m, radius_m = skeleton.points_m[skeleton.branch(branch)], skeleton.radius_m[skeleton.branch(branch)]
-    if not below:
-        return 0, 0.0
-    steps_m = np.linalg.norm(np.diff(points_m, axis=0), axis=1)
-    path_m = np.concatenate([[0.0], np.cumsum(steps_m)])
-    if path_m[-1] == 0:
+def _begin_inside(
+    skeleton: Skeleton, branch: int, standing: NDArray[np.bool_], wood: StandingWood | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int, int] | None:
+    """Points (n, 3) and radii (n,) of a branch from within what stands below it, the place of its own first point among
+    them, and how many of its own are left out; None where it does not stand out.
+
+    Through branches that are in no surface it goes back to the first one that is.
+    """
+    part = skeleton.branch(branch)
+    points_m, radius_m = skeleton.points_m[part], skeleton.radius_m[part]
+    below, leaves = int(skeleton.parent_curve[branch]), int(skeleton.parent_vertex[branch])
+    added = 0
+    while below >= 0 and not standing[below]:
+        passed = np.arange(skeleton.first[below], leaves)  # the last of it is the branch's own first point
+        points_m = np.concatenate([skeleton.points_m[passed], points_m])
+        radius_m = np.concatenate([np.full(len(passed), radius_m[0]), radius_m])
+        added += len(passed)
+        leaves, below = int(skeleton.parent_vertex[below]), int(skeleton.parent_curve[below])
+    if below < 0:
+        return points_m, radius_m, added, 0
+    walked_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points_m, axis=0), axis=1))])
+    if walked_m[-1] == 0:
         return None
+    chain = []
+    while below >= 0:
+        if standing[below]:
+            chain.append(below)
+        below = int(skeleton.parent_curve[below])
+    radius_m = np.minimum(radius_m, THICKEST * skeleton.radius_m[leaves] + GROWTH * walked_m)
+    out_m = _leaving_arc(skeleton, chain, points_m, radius_m, walked_m, wood)
+    if out_m is None:
+        return None
+    # The ring that follows the foot is where the piece comes out.
+    begin_m = max(0.0, out_m - FOOT * float(np.interp(out_m, walked_m, radius_m)))
+    kept = walked_m > begin_m + 1e-9 * walked_m[-1]
+    if begin_m == 0:
+        return points_m, radius_m, added, 0
+    first_m = np.array([np.interp(begin_m, walked_m, column) for column in points_m.T])
+    cut = int(np.argmax(kept))  # points that are left out
+    return (
+        np.concatenate([first_m[None], points_m[cut:]]),
+        np.concatenate([[np.interp(begin_m, walked_m, radius_m)], radius_m[cut:]]),
+        added + 1 - cut,
+        max(0, cut - added),
+    )
+
+
+def _leaving_arc(
+    skeleton: Skeleton,
+    chain: list[int],
+    points_m: NDArray[np.float64],
+    radius_m: NDArray[np.float64],
+    walked_m: NDArray[np.float64],
+    wood: StandingWood | None,
+) -> float | None:
+    """How far along a polyline (n, 3) with radii (n,) its axis leaves the wood of the branches of a chain; None where
+    it never stands out of it by MIN_STUB."""
     step_m = _STEP * float(radius_m.mean())
-    walked_m = np.arange(0, path_m[-1], step_m)
-    edge = np.clip(np.searchsorted(path_m, walked_m, side="right") - 1, 0, len(steps_m) - 1)
-    share = (walked_m - path_m[edge]) / np.maximum(steps_m[edge], 1e-300)
-    at_m = points_m[edge] + share[:, None] * (points_m[edge + 1] - points_m[edge])
-    own_m = radius_m[edge] + share * (radius_m[edge + 1] - radius_m[edge])
-    along = (points_m[edge + 1] - points_m[edge]) / np.maximum(steps_m[edge], 1e-300)[:, None]
-    walked_m = np.append(walked_m, path_m[-1])
-    upto = _AT_FIRST
-    while True:  # few are not clear soon
-        upto = min(upto, len(at_m))
-        near = _segments_near(skeleton, below, at_m[:upto], step_m)
-        clear = _is_clear(near, at_m[:upto], own_m[:upto], along[:upto], step_m)
-        # Where it stays clear for a while: a limb that comes near what is below once more is not cut there.
-        blocked = np.concatenate([np.flatnonzero(~clear), [upto]])
-        free = np.concatenate([[0], blocked[:-1] + 1])
-        long = np.flatnonzero(walked_m[blocked] - walked_m[free] >= _MIN_LENGTH * np.append(own_m, own_m[-1])[free])
-        if len(long):
-            first = int(free[long[0]])
-            return int(edge[first]), float(min(share[first], 0.99))
-        if upto == len(at_m):
-            return None
-        upto *= 4
-
-
-def _is_clear(
-    below: Skeleton,
-    at_m: NDArray[np.float64],
-    own_m: NDArray[np.float64],
-    along: NDArray[np.float64],
-    step_m: float,
-) -> NDArray[np.bool_]:
-    """(N,) whether places (N, 3) of a branch, with radii (N,) and directions (N, 3), are clear of what is below it."""
-    axis_m, axis_radius_m, direction = sample_axes(below, step_m)
-    near = min(_NEAREST, len(axis_m))
-    found = np.asarray(cKDTree(axis_m).query(at_m, k=list(range(1, near + 1)))[1])
-    clear = np.ones(len(at_m), bool)
-    for nearest in found.T:
-        away = at_m - axis_m[nearest]
-        away -= np.einsum("nc,nc->n", away, direction[nearest])[:, None] * direction[nearest]
-        away_m = np.linalg.norm(away, axis=1)
-        # The ring at the start stands across the branch: of one that leans it comes nearer than the axis.
-        leaning = np.abs(np.einsum("nc,nc->n", away, along)) / np.maximum(away_m, 1e-300)
-        reach_m = own_m * (np.sqrt(np.maximum(0, 1 - leaning**2)) + _GAP)
-        clear &= away_m - axis_radius_m[nearest] >= reach_m
-    return clear
-
-
-def _segments_near(skeleton: Skeleton, branches: list[int], at_m: NDArray[np.float64], step_m: float) -> Skeleton:
-    """The segments of some branches among which are those nearest to places (N, 3), each as a plant of its own."""
-    start = np.concatenate([np.arange(skeleton.first[k], skeleton.first[k] + skeleton.counts[k] - 1) for k in branches])
-    middle_m = (at_m.min(axis=0) + at_m.max(axis=0)) / 2
-    reach_m = float(np.linalg.norm(at_m - middle_m, axis=1).max())
-    low_m, edge_m = skeleton.points_m[start], skeleton.points_m[start + 1] - skeleton.points_m[start]
-    square = np.maximum(np.einsum("nc,nc->n", edge_m, edge_m), 1e-300)
-    share = np.clip(np.einsum("nc,nc->n", middle_m - low_m, edge_m) / square, 0, 1)
-    away_m = np.linalg.norm(middle_m - low_m - share[:, None] * edge_m, axis=1)
-    start = start[away_m <= away_m.min() + 2 * reach_m + (_NEAREST + 1) * step_m]
-    ends = np.stack([start, start + 1], axis=1).reshape(-1)
-    return Skeleton(
+    edges = np.concatenate([np.arange(skeleton.first[k], skeleton.first[k] + skeleton.counts[k] - 1) for k in chain])
+    ends = np.stack([edges, edges + 1], axis=1).reshape(-1)
+    segments = Skeleton(
         points_m=skeleton.points_m[ends],
         radius_m=skeleton.radius_m[ends],
-        counts=np.full(len(start), 2, np.int32),
-        parent_curve=np.full(len(start), -1, np.int32),
-        parent_vertex=np.full(len(start), -1, np.int32),
-        order=np.zeros(len(start), np.int32),
+        counts=np.full(len(edges), 2, np.int32),
+        parent_curve=np.full(len(edges), -1, np.int32),
+        parent_vertex=np.full(len(edges), -1, np.int32),
+        order=np.zeros(len(edges), np.int32),
     )
+    axis_m, axis_radius_m, _ = sample_axes(segments, max(step_m, float(skeleton.radius_m[ends].min()) / 2))
+    at_m = np.unique(np.append(np.arange(0, walked_m[-1], step_m), walked_m[-1]))
+    places_m = np.stack([np.interp(at_m, walked_m, column) for column in points_m.T], axis=1)
+    own_m = np.interp(at_m, walked_m, radius_m)
+    away_m, nearest = (np.asarray(each) for each in cKDTree(axis_m).query(places_m))
+    outside_m = away_m - axis_radius_m[nearest]
+    out = np.flatnonzero(outside_m + own_m >= MIN_STUB * own_m)
+    if not (outside_m + own_m >= (1 + MIN_STUB) * own_m).any() and not len(out):
+        return None
+    through = np.flatnonzero(outside_m >= 0)
+    if wood is not None:
+        first = int(through[0]) if len(through) else len(at_m) - 1
+        upto = min(len(at_m), 2 * first + 16)
+        outside = wood.find_outside(places_m[:upto])
+        if outside is not None:
+            inside = np.flatnonzero(~outside)
+            # The last place inside before it stays outside; none inside: it begins where its parent has no surface.
+            return float(at_m[min(int(inside[-1]) + 1, len(at_m) - 1)]) if len(inside) else 0.0
+    return float(at_m[through[0]]) if len(through) else float(at_m[-1])

@@ -363,7 +363,7 @@ def build_surfaces(skeleton: Skeleton) -> tuple[BranchSurfaces, list[Remark]]:
     if whole.loose:
         text = (
             f"{len(whole.loose)} branches would cross their parent where they join it: "
-            "each begins a closed piece of its own beside it"
+            "each begins a closed piece of its own inside it"
         )
         remarks.append(remark("branches-beside-parent", text))
     return BranchSurfaces(whole=whole, by_order=tuple(coarser)), remarks
