@@ -1,8 +1,8 @@
 """Branches that cannot be joined to their parent in one mesh: closed pieces of their own that run into it.
 
-A limb that is left out would take all that it carries with it. Its piece begins on the axis of what it springs from, no
-thicker than that is there, so that no light passes between the two and nothing stands out on the other side. The method
-is our own.
+A limb that is left out would take all that it carries with it. Its piece begins inside of what it springs from, a little
+before the place where its axis comes out, and no thicker than that is there, so that no light passes between the two and
+nothing stands out on the other side. The method is our own.
 """
 
 from dataclasses import dataclass
@@ -177,13 +177,12 @@ def _begin_inside(
     out_m = _leaving_arc(skeleton, chain, points_m, radius_m, walked_m, wood)
     if out_m is None:
         return None
-    # The ring that follows the foot is where the piece comes out.
+    # The third ring of the piece is where it comes out.
     begin_m = max(0.0, out_m - FOOT * float(np.interp(out_m, walked_m, radius_m)))
-    kept = walked_m > begin_m + 1e-9 * walked_m[-1]
     if begin_m == 0:
         return points_m, radius_m, added, 0
     first_m = np.array([np.interp(begin_m, walked_m, column) for column in points_m.T])
-    cut = int(np.argmax(kept))  # points that are left out
+    cut = int(np.argmax(walked_m > begin_m + 1e-9 * walked_m[-1]))  # points that are left out
     return (
         np.concatenate([first_m[None], points_m[cut:]]),
         np.concatenate([[np.interp(begin_m, walked_m, radius_m)], radius_m[cut:]]),
@@ -219,8 +218,7 @@ def _leaving_arc(
     own_m = np.interp(at_m, walked_m, radius_m)
     away_m, nearest = (np.asarray(each) for each in cKDTree(axis_m).query(places_m))
     outside_m = away_m - axis_radius_m[nearest]
-    out = np.flatnonzero(outside_m + own_m >= MIN_STUB * own_m)
-    if not (outside_m + own_m >= (1 + MIN_STUB) * own_m).any() and not len(out):
+    if not (outside_m + own_m >= MIN_STUB * own_m).any():
         return None
     through = np.flatnonzero(outside_m >= 0)
     if wood is not None:
