@@ -1,8 +1,8 @@
 """Branches that cannot be joined to their parent in one mesh: closed pieces of their own that run into it.
 
-A limb that is left out would take all that it carries with it. Its piece begins inside of what it springs from, a little
-before the place where its axis comes out, and no thicker than that is there, so that no light passes between the two and
-nothing stands out on the other side. The method is our own.
+A limb that is left out would take all that it carries with it. Its piece begins inside of what it springs from, a
+little before the place where its axis comes out, and no thicker than that is there, so that no light passes between the
+two and nothing stands out on the other side. The method is our own.
 """
 
 from dataclasses import dataclass
