@@ -119,7 +119,7 @@ def evaluate(given, color):
         return float(value) if isinstance(value, float) else np.array(value)
     node = UsdShade.Shader(given.GetConnectedSources()[0][0].source.GetPrim())
     kind = node.GetIdAttr().Get()
-    if kind in ("ND_geompropvalue_color3", "ND_convert_color4_color3"):
+    if kind in ("ND_geompropvalue_color3", "ND_UsdUVTexture_23"):
         return color
     if kind == "ND_extract_color3":
         return evaluate(node.GetInput("in"), color)[node.GetInput("index").Get()]

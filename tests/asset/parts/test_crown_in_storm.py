@@ -17,12 +17,12 @@ pytestmark = pytest.mark.preview
 
 SPACING_M = 3.0
 VARIED = (1.5, 0.5, 1.0)  # factors on the colour of one instance
-CROWNS = ("glslfx", "preview", "bare", "instance", "varied")
+CROWNS = ("glslfx", "preview", "bare", "instance", "varied", "mtlx")
 
 
 @pytest.fixture(scope="module")
 def picture(tmp_path_factory):
-    """Four crowns of 1 m from left to right, seen from the front: (64, 4 · 64, 4), linear, row 0 on top."""
+    """Six crowns of 1 m from left to right, seen from the front: (64, 6 · 64, 4), linear, row 0 on top."""
     try:
         find_interpreter()
     except PreviewError as error:
@@ -47,6 +47,9 @@ def picture(tmp_path_factory):
         tree.AddTranslateOp().Set((SPACING_M * column, -2.0, 0.0))
     material = UsdShade.Material(shot.GetPrimAtPath("/preview/mtl/Crown"))
     for context in ("glslfx", "mtlx"):
+        material.GetSurfaceOutput(context).GetAttr().SetConnections([])
+    material = UsdShade.Material(shot.GetPrimAtPath("/mtlx/mtl/Crown"))
+    for context in ("glslfx", ""):
         material.GetSurfaceOutput(context).GetAttr().SetConnections([])
     UsdGeom.PrimvarsAPI(shot.GetPrimAtPath("/bare/geo/proxy/Crown")).BlockPrimvar("st")
     shot.GetPrimAtPath("/instance").SetInstanceable(True)
@@ -83,8 +86,8 @@ def color_at(picture, name, x_m, y_m):
 def test_colour_is_that_of_the_direction(picture, name, x_m, y_m):
     direction = np.array([x_m, y_m, np.sqrt(1 - x_m**2 - y_m**2)])
     wanted = (0.5 + 0.4 * direction) * (VARIED if name == "varied" else 1)
-    # The highlight of UsdPreviewSurface adds white.
-    tolerance = 0.06 if name == "preview" else 0.02
+    # The highlights of UsdPreviewSurface and OpenPBR add white.
+    tolerance = 0.06 if name in ("preview", "mtlx") else 0.02
     np.testing.assert_allclose(color_at(picture, name, x_m, y_m), wanted / wanted.sum(), atol=tolerance)
 
 
@@ -97,3 +100,17 @@ def test_crown_is_lit_softly_and_darker_below(picture):
 def test_silhouette_is_the_sphere(picture):
     area_m2 = (picture[:, :64, 3]).sum() * (SPACING_M / 64) ** 2
     assert area_m2 == pytest.approx(np.pi, rel=0.03)
+
+
+@pytest.mark.parametrize("name", ["preview", "mtlx"])
+def test_every_pixel_has_its_own_colour_on_small_faces(picture, name):
+    """A pixel that reads a coarse level of the picture has the mean colour, and would stand out as a dot."""
+    rows, columns = np.mgrid[:64, :64]
+    x_m, y_m = (columns + 0.5) / 64 * SPACING_M - SPACING_M / 2, SPACING_M / 2 - (rows + 0.5) / 64 * SPACING_M
+    inside = np.hypot(x_m, y_m) < 0.6  # beyond, a coarser level mixes the colours of two faces of the cubemap
+    x_m, y_m = x_m[inside], y_m[inside]
+    wanted = 0.5 + 0.4 * np.stack([x_m, y_m, np.sqrt(1 - x_m**2 - y_m**2)], axis=-1)
+    column = CROWNS.index(name) * 64
+    rgb = picture[:, column : column + 64, :3][inside]
+    differences = np.abs(rgb / rgb.sum(-1, keepdims=True) - wanted / wanted.sum(-1, keepdims=True))
+    assert differences.max() < 0.02

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdShade
 
-from usdfoliage.asset.materials.mtlx import author_image, author_image_color, author_open_pbr, author_primvar_color
+from usdfoliage.asset.materials.mtlx import Source, author_image, author_open_pbr, author_primvar_color
 from usdfoliage.asset.materials.picture import usd_color_space
 
 BARK_COLOR = (0.11, 0.075, 0.05)  # linear Rec.709, of a dry trunk
@@ -76,9 +76,10 @@ def _author_texture(stage: Usd.Stage, path: Sdf.Path, bark: BarkMaterial, file: 
 
 def _author_mtlx_surface(stage: Usd.Stage, material: UsdShade.Material, bark: BarkMaterial) -> None:
     path = material.GetPath()
+    color: Source
     if bark.texture is None:
         color = author_primvar_color(stage, path.AppendChild("MtlxColor"), "displayColor", bark.color)
     else:
         image = author_image(stage, path, bark.texture, bark.color, wrap="periodic", scale=1 / bark.texture_m)
-        color = author_image_color(stage, path, image)
+        color = image.GetOutput("rgb")
     author_open_pbr(material, color, {"specular_roughness": (Sdf.ValueTypeNames.Float, bark.roughness)})

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from pxr import Gf, Sdf, Usd, UsdShade
 
-from usdfoliage.asset.materials.mtlx import ThinSheet, author_image, author_image_color, author_thin_open_pbr
+from usdfoliage.asset.materials.mtlx import ThinSheet, author_image, author_thin_open_pbr
 
 CROWN_SHADER = "usdFoliageCrown.glslfx"
 LEAF_ROUGHNESS = 0.8  # a crown scatters light; single leaves shine, their sum does not
@@ -70,8 +70,7 @@ def _author_mtlx_surface(stage: Usd.Stage, material: UsdShade.Material, crown: C
     sheet = ThinSheet(translucency=TRANSLUCENCY)
     number = Sdf.ValueTypeNames.Float
     gloss = {"specular_weight": (number, 0.3), "specular_roughness": (number, LEAF_ROUGHNESS)}
-    color = author_image_color(stage, material.GetPath(), image)
-    author_thin_open_pbr(material, color, sheet, gloss)
+    author_thin_open_pbr(material, image.GetOutput("rgb"), sheet, gloss)
 
 
 def _author_storm_surface(

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdfoliage.asset.materials.mtlx import (
+    Source,
     ThinSheet,
     author_image,
-    author_image_color,
     author_image_opacity,
     author_primvar_color,
     author_product,
@@ -222,11 +222,12 @@ def _author_mtlx_surface(stage: Usd.Stage, material: UsdShade.Material, leaf: Le
         "specular_roughness": (types.Float, leaf.roughness),
         "specular_ior": (types.Float, _IOR),
     }
+    color: Source
     if leaf.texture is None:
         color = author_primvar_color(stage, path.AppendChild("MtlxColor"), "displayColor", leaf.color)
     else:
         image = author_image(stage, path, leaf.texture, leaf.color, wrap="clamp")
-        color = author_image_color(stage, path, image)
+        color = image.GetOutput("rgb")
         inputs["geometry_opacity"] = (types.Float, author_image_opacity(stage, path, image))
         if leaf.texture_color is not None:
             own = author_primvar_color(stage, path.AppendChild("MtlxDisplayColor"), "displayColor", leaf.texture_color)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from pxr import Gf, Sdf, Usd, UsdShade
 
@@ -14,7 +15,8 @@ MAX_WEIGHT = 0.9  # of the light that shines through; the base is divided by the
 
 _TYPES = Sdf.ValueTypeNames
 Color = tuple[float, float, float]
-Inputs = Mapping[str, tuple[Sdf.ValueTypeName, object]]  # a node as the value: its output is connected
+Source: TypeAlias = UsdShade.Shader | UsdShade.Output  # a node stands for its output `out`
+Inputs = Mapping[str, tuple[Sdf.ValueTypeName, object]]  # a source as the value is connected
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,18 +28,25 @@ class ThinSheet:
 
 
 def author_node(
-    stage: Usd.Stage, path: Sdf.Path, identifier: str, output: Sdf.ValueTypeName, inputs: Inputs
+    stage: Usd.Stage,
+    path: Sdf.Path,
+    identifier: str,
+    output: Sdf.ValueTypeName | Mapping[str, Sdf.ValueTypeName],
+    inputs: Inputs,
 ) -> UsdShade.Shader:
-    """Define a node at path, with its output `out` and these inputs."""
+    """Define a node at path, with these inputs, and an output `out` of a type or several by their names."""
     node = UsdShade.Shader.Define(stage, path)
     node.CreateIdAttr(identifier)
     for name, (value_type, value) in inputs.items():
         given = node.CreateInput(name, value_type)
         if isinstance(value, UsdShade.Shader):
             given.ConnectToSource(value.ConnectableAPI(), "out")
+        elif isinstance(value, UsdShade.Output):
+            given.ConnectToSource(value)
         else:
             given.Set(value)
-    node.CreateOutput("out", output)
+    for name, value_type in (output if isinstance(output, Mapping) else {"out": output}).items():
+        node.CreateOutput(name, value_type)
     return node
 
 
@@ -47,11 +56,9 @@ def author_primvar_color(stage: Usd.Stage, path: Sdf.Path, primvar: str, fallbac
     return author_node(stage, path, "ND_geompropvalue_color3", _TYPES.Color3f, inputs)
 
 
-def author_product(
-    stage: Usd.Stage, path: Sdf.Path, color: UsdShade.Shader, factor: UsdShade.Shader | Color
-) -> UsdShade.Shader:
+def author_product(stage: Usd.Stage, path: Sdf.Path, color: Source, factor: Source | Color) -> UsdShade.Shader:
     """A colour times another, or times three numbers."""
-    second = factor if isinstance(factor, UsdShade.Shader) else Gf.Vec3f(*factor)
+    second = factor if isinstance(factor, UsdShade.Shader | UsdShade.Output) else Gf.Vec3f(*factor)
     inputs = {"in1": (_TYPES.Color3f, color), "in2": (_TYPES.Color3f, second)}
     return author_node(stage, path, "ND_multiply_color3", _TYPES.Color3f, inputs)
 
@@ -59,7 +66,10 @@ def author_product(
 def author_image(
     stage: Usd.Stage, path: Sdf.Path, file: str, fallback: Color, *, wrap: str, scale: float = 1.0
 ) -> UsdShade.Shader:
-    """A picture by the primvar st, with its opacity: a color4.
+    """A picture by the primvar st, with its colour as the output `rgb` and its opacity as `a`.
+
+    It is MaterialX' node UsdUVTexture. Storm gives the nodes `image` a transform of st that lies in a buffer, which
+    Mesa's software renderer reads as 0 beside a face: the picture has dots of its coarsest level on small faces.
 
     Args:
         stage: Where it is authored.
@@ -76,32 +86,25 @@ def author_image(
         st = author_node(stage, path.AppendChild("MtlxScaledSt"), "ND_multiply_vector2", _TYPES.Float2, inputs)
     inputs = {
         "file": (_TYPES.Asset, Sdf.AssetPath(file)),
-        "default": (_TYPES.Color4f, Gf.Vec4f(*fallback, 1.0)),
-        "texcoord": (_TYPES.Float2, st),
-        "uaddressmode": (_TYPES.String, wrap),
-        "vaddressmode": (_TYPES.String, wrap),
+        "fallback": (_TYPES.Color4f, Gf.Vec4f(*fallback, 1.0)),
+        "st": (_TYPES.Float2, st),
+        "wrapS": (_TYPES.String, wrap),
+        "wrapT": (_TYPES.String, wrap),
     }
-    image = author_node(stage, path.AppendChild("MtlxImage"), "ND_image_color4", _TYPES.Color4f, inputs)
+    outputs = {"rgb": _TYPES.Color3f, "a": _TYPES.Float}
+    image = author_node(stage, path.AppendChild("MtlxImage"), "ND_UsdUVTexture_23", outputs, inputs)
     image.GetInput("file").GetAttr().SetColorSpace("lin_rec709" if is_linear(file) else "srgb_texture")
     return image
 
 
-def author_image_color(stage: Usd.Stage, path: Sdf.Path, image: UsdShade.Shader) -> UsdShade.Shader:
-    """The colour of a picture, for the material at path."""
-    inputs = {"in": (_TYPES.Color4f, image)}
-    return author_node(stage, path.AppendChild("MtlxColor"), "ND_convert_color4_color3", _TYPES.Color3f, inputs)
-
-
 def author_image_opacity(stage: Usd.Stage, path: Sdf.Path, image: UsdShade.Shader) -> UsdShade.Shader:
     """1 where a texel of the picture is opaque by half or more, else 0, for the material at path."""
-    inputs: Inputs = {"in": (_TYPES.Color4f, image), "index": (_TYPES.Int, 3)}
-    alpha = author_node(stage, path.AppendChild("MtlxAlpha"), "ND_extract_color4", _TYPES.Float, inputs)
-    numbers = {"value1": alpha, "value2": 0.5, "in1": 1.0, "in2": 0.0}
+    numbers = {"value1": image.GetOutput("a"), "value2": 0.5, "in1": 1.0, "in2": 0.0}
     inputs = {name: (_TYPES.Float, number) for name, number in numbers.items()}
     return author_node(stage, path.AppendChild("MtlxOpacity"), "ND_ifgreatereq_float", _TYPES.Float, inputs)
 
 
-def author_open_pbr(material: UsdShade.Material, color: UsdShade.Shader, inputs: Inputs) -> UsdShade.Shader:
+def author_open_pbr(material: UsdShade.Material, color: Source, inputs: Inputs) -> UsdShade.Shader:
     """Let a material end in an OpenPBR surface of a colour, for renderers that know MaterialX."""
     stage, path = material.GetPrim().GetStage(), material.GetPath().AppendChild(MTLX_SURFACE)
     all_inputs = {"base_color": (_TYPES.Color3f, color), **inputs}
@@ -111,7 +114,7 @@ def author_open_pbr(material: UsdShade.Material, color: UsdShade.Shader, inputs:
 
 
 def author_thin_open_pbr(
-    material: UsdShade.Material, color: UsdShade.Shader, sheet: ThinSheet, inputs: Inputs
+    material: UsdShade.Material, color: Source, sheet: ThinSheet, inputs: Inputs
 ) -> UsdShade.Shader:
     """The same for a thin sheet, which scatters its colour back as a surface that is not thin does.
 
@@ -159,6 +162,6 @@ def _author_strongest(stage: Usd.Stage, path: Sdf.Path, color: UsdShade.Shader) 
     return author_node(stage, path.AppendChild("MtlxWeight"), "ND_clamp_float", number, limits)
 
 
-def _author_ratio(stage: Usd.Stage, path: Sdf.Path, color: UsdShade.Shader, number: UsdShade.Shader) -> UsdShade.Shader:
+def _author_ratio(stage: Usd.Stage, path: Sdf.Path, color: Source, number: UsdShade.Shader) -> UsdShade.Shader:
     inputs: Inputs = {"in1": (_TYPES.Color3f, color), "in2": (_TYPES.Float, number)}
     return author_node(stage, path, "ND_divide_color3FA", _TYPES.Color3f, inputs)
