@@ -1200,12 +1200,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "thumbnail-missing": RemarkKind(
                 severity="warning",
-                meaning="The asset has no thumbnail, because the preview interpreter could not draw one.",
-                action="Read the text, which names the cause. Run the build again.",
-            ),
-            "cards-missing": RemarkKind(
-                severity="warning",
-                meaning="The asset has no cards, because the preview interpreter could not draw them.",
+                meaning="The asset has no thumbnail and no cards, because the preview interpreter could not draw them.",
                 action="Read the text, which names the cause. Run the build again.",
             ),
             "pictures-missing": RemarkKind(

@@ -337,7 +337,7 @@ def test_pictures_that_storm_did_not_draw_are_tried_again(
     with monkeypatch.context() as patch:
         for name in ("draw_turntable", "draw_variants", "draw_comparisons"):
             patch.setattr(report_stage, name, fail)
-        patch.setattr(assemble, "draw_thumbnail", fail)
+        patch.setattr(assemble, "draw_asset_pictures", fail)
         code, out, err = run(*command)
     assert code == 0, err
     assert "warning: there are no pictures of the asset: Storm drew nothing" in out
@@ -345,7 +345,7 @@ def test_pictures_that_storm_did_not_draw_are_tried_again(
     for name in ("draw_turntable", "draw_variants"):
         monkeypatch.setattr(report_stage, name, lambda *_, **__: [])
     monkeypatch.setattr(report_stage, "draw_comparisons", lambda *_, **__: DrawnComparisons())
-    monkeypatch.setattr(assemble, "draw_thumbnail", lambda *_, **__: None)
+    monkeypatch.setattr(assemble, "draw_asset_pictures", lambda *_, **__: None)
     code, out, _ = run(*command)
     assert code == 0
     assert "5 done now" in out  # the asset, three kinds of pictures, the report

@@ -10,7 +10,7 @@ from pxr import Usd, UsdGeom
 from usdfoliage.asset.packages.asset_shape import AssetShape
 from usdfoliage.asset.packages.cards import CARD_SIDES, AssetPictures, read_cards
 from usdfoliage.asset.packages.plant_package import write_plant_asset
-from usdfoliage.jobs.plant.pages.cards import SIDES, cut_to_box, draw_cards, view_side
+from usdfoliage.jobs.plant.pages.cards import SIDES, cut_to_box, draw_asset_pictures, view_side
 from usdfoliage.jobs.plant.pages.pictures import PictureSettings
 from usdfoliage.jobs.preview.pictures import PreviewSettings, draw_views
 
@@ -26,7 +26,7 @@ def plant(tmp_path_factory):
 
     def draw(interface: Path, shape: AssetShape) -> AssetPictures:
         shapes.append(shape)
-        return AssetPictures(cards=draw_cards(interface, shape, work, SETTINGS))
+        return draw_asset_pictures(interface, shape, work, SETTINGS)
 
     (work / "oak").mkdir()
     foliage = some_leaves(6, "bezier")
@@ -117,9 +117,15 @@ def test_cards_are_all_six_or_none():
         AssetPictures(cards={"XPos": Path("x.png")})
 
 
-def test_a_plant_of_which_nothing_is_drawn_has_no_cards(tmp_path):
-    shape = AssetShape(extent_m=None, asset_from_capture=np.eye(4), variants={}, selections={})
-    assert draw_cards(tmp_path, replace(shape, drawn_m=None), tmp_path) == {}
+@pytest.mark.preview
+@pytest.mark.parametrize("asked", [True, False])
+def test_a_plant_has_no_cards_where_it_has_no_box_or_none_are_asked_for(plant, tmp_path, asked):
+    interface, shape = plant
+    drawn = draw_asset_pictures(
+        interface, replace(shape, drawn_m=None if asked else shape.drawn_m), tmp_path, replace(SETTINGS, cards=asked)
+    )
+    assert drawn.cards == {}
+    assert [path.name for path in tmp_path.iterdir()] == [drawn.thumbnail.name] == ["thumbnail.png"]
 
 
 def iou(first, second):

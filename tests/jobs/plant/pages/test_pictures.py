@@ -11,12 +11,12 @@ from usdfoliage.capture.folder.read import read_capture
 from usdfoliage.capture.lens import Lens
 from usdfoliage.errors import AssetError
 from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.jobs.plant.pages.cards import draw_asset_pictures
 from usdfoliage.jobs.plant.pages.pictures import (
     DrawnComparisons,
     PictureSettings,
     compare_silhouettes,
     draw_comparisons,
-    draw_thumbnail,
     draw_turntable,
     draw_variants,
     shrink_to_stage,
@@ -116,7 +116,7 @@ def test_pictures_are_the_same_bytes_when_drawn_again(plant, shape, tmp_path):
     for folder in (tmp_path / "a", tmp_path / "b"):
         paths = [
             *draw_turntable(plant / "asset", shape, folder, SMALL),
-            draw_thumbnail(plant / "asset", shape, folder, SMALL),
+            draw_asset_pictures(plant / "asset", shape, folder, SMALL).thumbnail,
         ]
         compared = draw_comparisons(plant / "asset", shape, read_capture(plant / "capture"), folder, SMALL)
         paths += [path for one in compared.comparisons for path in (one.photograph, one.drawing)]

@@ -1,4 +1,4 @@
-"""The cards of a plant: pictures along the axes of its box, in even light, as UsdGeomModelAPI wants them."""
+"""The pictures in an asset: its thumbnail, and its cards along the axes of its box, as UsdGeomModelAPI wants them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.asset.packages.asset_shape import AssetShape
+from usdfoliage.asset.packages.cards import AssetPictures
 from usdfoliage.asset.packages.contents import interface_of
 from usdfoliage.files.atomic import write_whole_files
-from usdfoliage.jobs.plant.pages.pictures import PictureSettings
+from usdfoliage.jobs.plant.pages.pictures import PictureSettings, thumbnail_view
 from usdfoliage.jobs.preview.pictures import MIN_SIDE_PX, PreviewView, draw_views, encode_png, finish_picture
 
 
@@ -39,29 +40,32 @@ SIDES: Mapping[str, _Side] = MappingProxyType(
 )
 
 
-def draw_cards(
+def draw_asset_pictures(
     asset: Path, shape: AssetShape, folder: Path, settings: PictureSettings = PictureSettings()
-) -> dict[str, Path]:
-    """Draw card_XPos.png … into folder; none where nothing of the asset is drawn.
+) -> AssetPictures:
+    """Draw thumbnail.png, and card_XPos.png … where they are asked for, into folder, all by one start of Storm.
+
+    The thumbnail is a square, seen from a quarter. An asset of which nothing is drawn has no cards.
 
     Raises:
         PreviewError: As draw_views.
         AssetError: It is no asset.
     """
-    if shape.drawn_m is None:
-        return {}
     interface, _ = interface_of(asset)
-    views = [view_side(side, shape.drawn_m, settings.card_px) for side in SIDES.values()]
-    preview = replace(settings.preview(settings.card_px), background=None, even_light=True)
-    pictures = draw_views(interface, views, preview)
-    paths = {name: folder / f"card_{name}.png" for name in SIDES}
-    finished = [
-        np.rot90(_fill_ground(cut_to_box(finish_picture(picture, None), side, shape.drawn_m)), side.quarter_turns)
-        for side, picture in zip(SIDES.values(), pictures, strict=True)
-    ]
-    encoded = [encode_png(np.ascontiguousarray(picture)) for picture in finished]
-    write_whole_files(list(zip(paths.values(), encoded, strict=True)))
-    return paths
+    box_m = shape.drawn_m if settings.cards else None
+    views = [thumbnail_view(shape, folder / "thumbnail.png", settings)]
+    if box_m is not None:
+        views += [replace(view_side(side, box_m, settings.card_px), even_light=True) for side in SIDES.values()]
+    preview = replace(settings.preview(settings.thumbnail_px), background=None)
+    thumbnail, *sides = (finish_picture(picture, None) for picture in draw_views(interface, views, preview))
+    finished = {views[0].output: thumbnail}
+    cards = {}
+    if box_m is not None:
+        for (name, side), picture in zip(SIDES.items(), sides, strict=True):
+            cards[name] = folder / f"card_{name}.png"
+            finished[cards[name]] = np.rot90(_fill_ground(cut_to_box(picture, side, box_m)), side.quarter_turns)
+    write_whole_files([(path, encode_png(np.ascontiguousarray(picture))) for path, picture in finished.items()])
+    return AssetPictures(thumbnail=views[0].output, cards=cards)
 
 
 def view_side(side: _Side, box_m: NDArray[np.float64], longest_px: int) -> PreviewView:

@@ -127,17 +127,9 @@ def draw_turntable(
     return render_views(interface, views, settings.preview(settings.turntable_px), progress)
 
 
-def draw_thumbnail(asset: Path, shape: AssetShape, folder: Path, settings: PictureSettings = PictureSettings()) -> Path:
-    """Draw thumbnail.png into folder: a square, seen from a quarter, of transparent ground.
-
-    Raises:
-        PreviewError: As render_views.
-        AssetError: It is no asset.
-    """
-    interface, _ = interface_of(asset)
-    view = _three_quarter(shape, folder / "thumbnail.png", (settings.thumbnail_px,) * 2)
-    (picture,) = render_views(interface, [view], replace(settings.preview(settings.thumbnail_px), background=None))
-    return picture
+def thumbnail_view(shape: AssetShape, output: Path, settings: PictureSettings) -> PreviewView:
+    """What a thumbnail shows: the plant in a square, seen from a quarter."""
+    return _three_quarter(shape, output, (settings.thumbnail_px,) * 2)
 
 
 def draw_variants(

@@ -26,8 +26,7 @@ from usdfoliage.jobs.branches.motion import BranchMotion, rig_branches, rig_near
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
 from usdfoliage.jobs.plant.call import StageCall
-from usdfoliage.jobs.plant.pages.cards import draw_cards
-from usdfoliage.jobs.plant.pages.pictures import draw_thumbnail
+from usdfoliage.jobs.plant.pages.cards import draw_asset_pictures
 from usdfoliage.jobs.plant.settings import STAGE_SETTINGS, BuildSettings
 from usdfoliage.jobs.plant.stages.foliage import ChosenFoliage, choose_foliage, leaf_cover, near_leaves
 from usdfoliage.jobs.plant.stages.isolate import plant_capture
@@ -133,21 +132,13 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             written.append(shape)
             if not call.settings.pictures.make:
                 return None
-            pictures = call.settings.pictures
             try:
-                thumbnail = draw_thumbnail(interface, shape, Path(work), pictures)
+                return draw_asset_pictures(interface, shape, Path(work), call.settings.pictures)
             except PreviewError as error:
                 late.append(isinstance(error, PreviewTimeoutError))
-                text = f"the asset has no thumbnail: {error.text}"
-                undrawn.append(remark("thumbnail-missing", text, remedy=error.remedy))
+                what = "no thumbnail and no cards" if call.settings.pictures.cards else "no thumbnail"
+                undrawn.append(remark("thumbnail-missing", f"the asset has {what}: {error.text}", remedy=error.remedy))
                 return None
-            try:
-                cards = draw_cards(interface, shape, Path(work), pictures) if pictures.cards else {}
-            except PreviewError as error:
-                text = f"the asset has no cards: {error.text}"
-                undrawn.append(remark("cards-missing", text, remedy=error.remedy))
-                cards = {}
-            return AssetPictures(thumbnail=thumbnail, cards=cards)
 
         folder = call.out / ASSET_FOLDER
         folder.mkdir()
