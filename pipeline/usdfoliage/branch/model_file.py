@@ -15,7 +15,7 @@ from usdfoliage.branch.model import Skeleton
 from usdfoliage.files.npz import read_arrays, reading_model, write_model
 
 LEAFLESS = 0.05  # share of the cloud that is leaves, below which a plant has none
-_CAGE = ("points_m", "faces", "st_m", "face_st", "curve", "order", "fork_faces", "fork_counts", "fork_curve")
+_CAGE = ("points_m", "ring", "faces", "st_m", "face_st", "curve", "order", "fork_faces", "fork_counts", "fork_curve")
 _CLOUD = ("points_m", "wood", "plant_from_capture", "lost", "turned", "unjoined")
 _FLAGS = ("knows_leaves", "of_photographs")
 

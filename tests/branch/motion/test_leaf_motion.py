@@ -5,12 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from usdfoliage.branch.axis_places import axis_exits, find_places, places_at
 from usdfoliage.branch.cage.build import build_branch_cage
 from usdfoliage.branch.motion.growth_stages import GrownSurface, plan_stages
 from usdfoliage.branch.motion.leaf_motion import UNBORN, UnfoldSettings, carry_leaves, sway_leaves, unfold_leaves
 from usdfoliage.branch.motion.rig import RigSettings, Skin, build_rig, skin_places
 from usdfoliage.branch.motion.skinning import pose_joints, skin_points
-from usdfoliage.branch.motion.surface_places import axis_exits, cage_exits, find_places, places_at
+from usdfoliage.branch.motion.surface_places import cage_exits
 
 from tests.support.branch_clouds import small_tree
 from tests.support.branch_motions import leaves_on

@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from usdfoliage.branch.axis_places import axis_exits
 from usdfoliage.branch.cage.build import build_branch_cage
 from usdfoliage.branch.motion.rig import RigSettings, build_rig, skin_places
 from usdfoliage.branch.motion.skinning import pose_joints, skin_points
-from usdfoliage.branch.motion.surface_places import axis_exits, cage_places
+from usdfoliage.branch.motion.surface_places import cage_places
 
 from tests.support.branch_shapes import fork, random_tree
 

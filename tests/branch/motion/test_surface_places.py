@@ -4,16 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from usdfoliage.branch.axis_places import axis_exits, find_places, nearest_places, places_at
 from usdfoliage.branch.cage.build import build_branch_cage
-from usdfoliage.branch.motion.surface_places import (
-    arcs_of,
-    axis_exits,
-    cage_exits,
-    cage_places,
-    find_places,
-    nearest_places,
-    places_at,
-)
+from usdfoliage.branch.motion.surface_places import cage_exits, cage_places
 
 from tests.support.branch_shapes import fork, plant_of, random_tree
 
@@ -55,7 +48,7 @@ def test_beyond_its_ends_a_branch_has_its_ends():
 
 
 def test_lengths_begin_again_with_every_branch():
-    assert arcs_of(fork()) == pytest.approx([0, 1, 2, 0, 1, 0, np.sqrt(0.5)])
+    assert fork().arcs_m == pytest.approx([0, 1, 2, 0, 1, 0, np.sqrt(0.5)])
 
 
 @pytest.mark.parametrize("angle_deg", [90, 60, 30])

@@ -16,6 +16,7 @@ from usdfoliage.branch.cage.join import join_branches
 from usdfoliage.branch.cage.layout import Layout
 from usdfoliage.branch.cage.mesh import Built
 from usdfoliage.branch.cage.pieces import LoosePieces, StandingWood, cut_loose
+from usdfoliage.branch.cage.sectors import SIDES
 from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.model import Skeleton
 
@@ -40,7 +41,8 @@ class BranchCage:
     st is in metres: s round a branch, on its mean radius, with a seam; t along it from its first point.
     """
 
-    points_m: NDArray[np.float64]  # (P, 3), six and six those of a ring, after them those of a hole
+    points_m: NDArray[np.float64]  # (P, 3)
+    ring: NDArray[np.int32]  # (P,), number of the ring, or of the hole, that a point is of
     faces: NDArray[np.int32]  # (F, 4), counter-clockwise from outside
     st_m: NDArray[np.float64]  # (N, 2)
     face_st: NDArray[np.int32]  # (F, 4), index of st_m at each corner
@@ -77,6 +79,7 @@ def build_branch_cage(skeleton: Skeleton, settings: BranchCageSettings = BranchC
 def _with_pieces(cage: BranchCage, other: BranchCage, pieces: LoosePieces, skeleton: Skeleton) -> BranchCage:
     """A cage and that of pieces beside it, as one mesh."""
     points, faces, corners = len(cage.points_m), len(cage.faces), len(cage.st_m)
+    rings = int(cage.ring.max(initial=-1)) + 1
     saved = set(pieces.curve.tolist()) - {int(pieces.curve[each.curve]) for each in other.dropped}
     roots = set(pieces.curve[pieces.skeleton.parent_curve < 0].tolist())
     reasons = {each.curve: each.reason for each in cage.dropped if each.curve not in saved}
@@ -84,6 +87,7 @@ def _with_pieces(cage: BranchCage, other: BranchCage, pieces: LoosePieces, skele
     curve = pieces.curve[other.curve]
     return BranchCage(
         points_m=np.concatenate([cage.points_m, other.points_m]),
+        ring=np.concatenate([cage.ring, other.ring + rings]).astype(np.int32),
         faces=np.concatenate([cage.faces, other.faces + points]).astype(np.int32),
         st_m=np.concatenate([cage.st_m, other.st_m]),
         face_st=np.concatenate([cage.face_st, other.face_st + corners]).astype(np.int32),
@@ -115,6 +119,7 @@ def _finish(built: Built, layout: Layout, skeleton: Skeleton, dropped: dict[int,
         logger.info("%d of %d branches are not in the cage", len(dropped), len(skeleton))
     return BranchCage(
         points_m=built.points_m,
+        ring=(np.arange(len(built.points_m)) // SIDES).astype(np.int32),
         faces=built.faces.faces.astype(np.int32),
         st_m=layout.st_m,
         face_st=layout.face_st.astype(np.int32),
@@ -131,6 +136,7 @@ def _empty(dropped: dict[int, DropReason]) -> BranchCage:
     none = np.zeros(0, np.int32)
     return BranchCage(
         points_m=np.zeros((0, 3)),
+        ring=none,
         faces=none.reshape(0, 4),
         st_m=np.zeros((0, 2)),
         face_st=none.reshape(0, 4),

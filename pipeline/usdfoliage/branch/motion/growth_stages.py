@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.branch.allometry import AllometrySettings, carried_lengths, min_carried
+from usdfoliage.branch.axis_places import Places, places_at
 from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.branch.growth.logistic import LogisticSettings, longest_path
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.motion.surface_places import Places, arcs_of, cage_exits, cage_places, places_at
+from usdfoliage.branch.motion.surface_places import cage_exits, cage_places
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 
 _GROWN = 0.99  # of the greatest length, that the logistic growth, which has no end, has when it is stopped
@@ -97,7 +98,7 @@ def plan_stages(
         raise ValueError(f"internode_m must be above 0, not {internode_m:g}")
     if count < 2:
         raise ValueError(f"growth takes 2 times or more, not {count}")
-    path_m = arcs_of(skeleton)
+    path_m = skeleton.arcs_m.copy()
     for number in np.flatnonzero(skeleton.parent_curve >= 0).tolist():  # parents first
         path_m[skeleton.branch(number)] += path_m[skeleton.parent_vertex[number]]
     taper_m = settings.taper_internodes * internode_m
@@ -144,7 +145,7 @@ def _find_tips(stages: GrowthStages, stage: int, min_m: NDArray[np.float64]) -> 
     base_m = stages.path_m[skeleton.first]
     arc_m = np.clip(np.maximum(stages.front_m[stage] - base_m, min_m), 0, skeleton.lengths_m)
     arc_m += _SAME * float(stages.path_m.max())
-    springs_m = np.where(parent >= 0, arcs_of(skeleton)[skeleton.parent_vertex], 0.0)
+    springs_m = np.where(parent >= 0, skeleton.arcs_m[skeleton.parent_vertex], 0.0)
     begun = (parent < 0) | (springs_m <= arc_m[parent])
     holder = np.arange(len(skeleton), dtype=np.int32)
     for number in np.flatnonzero(parent >= 0).tolist():  # parents first
@@ -159,7 +160,7 @@ def grow_skeleton(stages: GrowthStages, stage: int) -> tuple[NDArray[np.float64]
     radius_m = skeleton.radius_m * stages.thickness(stage) * stages.birth(stage, stages.path_m)
     tips = _find_tips(stages, stage, np.zeros(len(skeleton)))
     holder = tips.holder[skeleton.curve]
-    there = (holder == skeleton.curve) & (arcs_of(skeleton) <= tips.arc_m[skeleton.curve])
+    there = (holder == skeleton.curve) & (skeleton.arcs_m <= tips.arc_m[skeleton.curve])
     tip_m = places_at(skeleton, np.arange(len(skeleton)), tips.arc_m).between(skeleton.points_m)
     return np.where(there[:, None], skeleton.points_m, tip_m[holder]), radius_m
 

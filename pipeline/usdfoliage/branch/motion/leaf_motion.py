@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from usdfoliage.branch.axis_places import Places
 from usdfoliage.branch.motion.growth_stages import GrownSurface, GrowthStages, grow_surface
 from usdfoliage.branch.motion.rig import Rig, Skin
 from usdfoliage.branch.motion.skinning import skin_points
-from usdfoliage.branch.motion.surface_places import Places
 
 UNBORN = 1e-4  # of its length, that a leaf has which is not there yet: a scale is above 0
 

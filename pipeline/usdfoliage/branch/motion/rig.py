@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.branch.axis_places import Exits, axis_exits
 from usdfoliage.branch.cage.tubes import rotate_between
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.motion.surface_places import Exits, axis_exits
 
 _GRAIN = 512  # weights are multiples of one part of so many: exact in binary, and few enough to be packed well
 

@@ -11,6 +11,7 @@ from usdfoliage.asset.parts.branch_part import ALL_ORDERS
 from usdfoliage.asset.parts.branch_rig import BranchRig
 from usdfoliage.asset.parts.leaf_motion import LeafMotion, RiggedLeaves
 from usdfoliage.branch.allometry import AllometrySettings
+from usdfoliage.branch.axis_places import nearest_places, places_at
 from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.model import Skeleton
@@ -26,7 +27,7 @@ from usdfoliage.branch.motion.growth_stages import (
 from usdfoliage.branch.motion.leaf_motion import carry_leaves, sway_leaves
 from usdfoliage.branch.motion.rig import RigSettings, build_rig, skin_places
 from usdfoliage.branch.motion.skinning import pose_joints, skin_points
-from usdfoliage.branch.motion.surface_places import cage_exits, cage_places, nearest_places, places_at
+from usdfoliage.branch.motion.surface_places import cage_exits, cage_places
 from usdfoliage.branch.motion.sway import SwaySettings, sway_joints
 from usdfoliage.branch.tracing.reconstruct import TracedBranches
 from usdfoliage.jobs.branches.foliage import GrownLeaves

@@ -6,9 +6,9 @@ from pxr import Usd, UsdGeom
 from scipy.spatial import cKDTree
 
 from usdfoliage.asset.export.nanite import AssemblyRig
+from usdfoliage.branch.axis_places import find_places
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.motion.rig import RigSettings, build_rig, skin_places
-from usdfoliage.branch.motion.surface_places import find_places
 
 _SPACING = 0.25  # of the median length between points of an axis: samples that decide on which branch a leaf is
 

@@ -1,0 +1,147 @@
+"""Places on the axes of branches, and where axes come out of what they spring from."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage.branch.distances import place_on_axes
+from usdfoliage.branch.model import Skeleton
+
+_BLOCK = 500_000  # pairs of a point and a segment that are looked at together
+_STEP = 0.2  # of the parent's radius, between places where a branch may be out
+_ONE_RADIUS = 1.3  # times the smallest radius, up to which those of axes count as one
+_STEPS = 40  # a branch along its parent for longer than so many is taken to be out
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Places:
+    """P places on axes."""
+
+    curve: NDArray[np.int32]  # (P,)
+    vertex: NDArray[np.int64]  # (P,), index into the skeleton's points, of the segment's first
+    share: NDArray[np.float64]  # (P,), of the segment, 0 to 1
+    arc_m: NDArray[np.float64]  # (P,), along the branch from its first point
+
+    def __len__(self) -> int:
+        return len(self.curve)
+
+    def between(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What points of the skeleton (V, ...) have, at the places (P, ...)."""
+        share = self.share.reshape(-1, *([1] * (values.ndim - 1)))
+        start = values[self.vertex]
+        return np.asarray(start + share * (values[self.vertex + 1] - start))
+
+
+def find_places(skeleton: Skeleton, points_m: NDArray[np.float64], curve: NDArray[np.integer]) -> Places:
+    """The place of its branch that is nearest to each point.
+
+    Args:
+        skeleton: Whose axes.
+        points_m: (P, 3).
+        curve: (P,), the branch of each.
+    """
+    vertex, share = np.zeros(len(points_m), np.int64), np.zeros(len(points_m))
+    by_curve = np.argsort(curve, kind="stable")
+    numbers, begin = np.unique(curve[by_curve], return_index=True)
+    ends = np.append(begin, len(curve))[1:]
+    for number, begins, end in zip(numbers.tolist(), begin.tolist(), ends.tolist(), strict=True):
+        mine = by_curve[begins:end]
+        axis_m = skeleton.points_m[skeleton.branch(number)]
+        step_m = np.diff(axis_m, axis=0)
+        square = np.maximum(np.einsum("sc,sc->s", step_m, step_m), 1e-300)
+        rows = max(1, _BLOCK // len(step_m))
+        for start in range(0, len(mine), rows):
+            block = mine[start : start + rows]
+            from_start = points_m[block, None] - axis_m[:-1]
+            along = np.clip(np.einsum("psc,sc->ps", from_start, step_m) / square, 0, 1)
+            away = from_start - along[..., None] * step_m
+            nearest = np.einsum("psc,psc->ps", away, away).argmin(axis=1)
+            vertex[block] = skeleton.first[number] + nearest
+            share[block] = along[np.arange(len(block)), nearest]
+    arc_m = skeleton.arcs_m
+    return Places(
+        curve=np.asarray(curve, np.int32),
+        vertex=vertex,
+        share=share,
+        arc_m=(1 - share) * arc_m[vertex] + share * arc_m[vertex + 1],
+    )
+
+
+def nearest_places(
+    skeleton: Skeleton, points_m: NDArray[np.float64], curves: NDArray[np.integer], apart_m: float
+) -> Places:
+    """The place whose bark is nearest to each point.
+
+    Args:
+        skeleton: Whose axes.
+        points_m: (P, 3).
+        curves: Branches that may be chosen, one at least.
+        apart_m: How finely axes are looked at, in metres.
+    """
+    places = place_on_axes(skeleton, apart_m)
+    mine = np.isin(skeleton.curve[places.vertex], curves)
+    axis_m, radius_m, vertex = places.points_m[mine], places.radius_m[mine], places.vertex[mine]
+    # Among axes of one radius the nearest axis is that of the nearest bark.
+    radius_class = np.floor(np.log(radius_m) / np.log(_ONE_RADIUS))
+    nearest, from_bark_m = np.zeros(len(points_m), np.int64), np.full(len(points_m), np.inf)
+    for number in np.unique(radius_class):
+        some = np.flatnonzero(radius_class == number)
+        away_m, found = (np.asarray(each) for each in cKDTree(axis_m[some]).query(points_m, workers=-1))
+        away_m = away_m - radius_m[some[found]]
+        nearer = away_m < from_bark_m
+        nearest[nearer], from_bark_m[nearer] = some[found[nearer]], away_m[nearer]
+    return find_places(skeleton, points_m, skeleton.curve[vertex[nearest]])
+
+
+def places_at(skeleton: Skeleton, curve: NDArray[np.integer], arc_m: NDArray[np.float64]) -> Places:
+    """Places (P,) at lengths along branches (P,); beyond an end, the end."""
+    arcs = skeleton.arcs_m
+    arc_m = np.clip(arc_m, 0, skeleton.lengths_m[curve])
+    stride = 2 * max(float(arcs.max(initial=0)), 1e-300)  # lays all branches on one line
+    key = skeleton.curve * stride + arcs
+    vertex = np.searchsorted(key, np.asarray(curve, np.int64) * stride + arc_m, side="right") - 1
+    first = skeleton.first[curve].astype(np.int64)
+    vertex = np.clip(vertex, first, first + skeleton.counts[curve] - 2)
+    step_m = arcs[vertex + 1] - arcs[vertex]
+    share = np.divide(arc_m - arcs[vertex], step_m, out=np.zeros_like(arc_m), where=step_m > 0)
+    return Places(curve=np.asarray(curve, np.int32), vertex=vertex, share=np.clip(share, 0, 1), arc_m=arc_m)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Exits:
+    """Where B branches come out of the surface of the one that they spring from."""
+
+    curve: NDArray[np.int32]  # (B,), that one, a branch below each; -1 for a root
+    parent_arc_m: NDArray[np.float64]  # (B,), along that one
+    arc_m: NDArray[np.float64]  # (B,), along each itself; 0 for a root
+
+
+def axis_exits(skeleton: Skeleton) -> Exits:
+    """Where axes come out of the round surfaces of their parents.
+
+    One that does not come out, or runs inside for long, is taken to be out at once where that ends.
+    """
+    arc_m, parent_arc_m = np.zeros(len(skeleton)), np.zeros(len(skeleton))
+    exits = Exits(curve=skeleton.parent_curve, parent_arc_m=parent_arc_m, arc_m=arc_m)
+    child = np.flatnonzero(skeleton.parent_curve >= 0)
+    if not len(child):
+        return exits
+    parent_m = skeleton.radius_m[skeleton.parent_vertex[child]]
+    walked_m = np.minimum(_STEP * parent_m[:, None] * np.arange(_STEPS + 1), skeleton.lengths_m[child][:, None])
+    on_child = places_at(skeleton, np.repeat(child, _STEPS + 1), walked_m.reshape(-1))
+    points_m = on_child.between(skeleton.points_m)
+    on_parent = find_places(skeleton, points_m, np.repeat(skeleton.parent_curve[child], _STEPS + 1))
+    away_m = np.linalg.norm(points_m - on_parent.between(skeleton.points_m), axis=1)
+    beyond_m = (away_m - on_parent.between(skeleton.radius_m)).reshape(len(child), -1)
+    outside = beyond_m > 0
+    outside[:, -1] = True
+    at = np.maximum(outside.argmax(axis=1), 1)
+    row = np.arange(len(child))
+    before_m, after_m = beyond_m[row, at - 1], beyond_m[row, at]
+    crosses = (before_m <= 0) & (after_m > 0)
+    share = np.where(crosses, before_m / np.where(crosses, before_m - after_m, 1), 1)
+    for found_m, samples_m in ((arc_m, walked_m), (parent_arc_m, on_parent.arc_m.reshape(len(child), -1))):
+        found_m[child] = samples_m[row, at - 1] + share * (samples_m[row, at] - samples_m[row, at - 1])
+    return exits
