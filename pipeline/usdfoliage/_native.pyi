@@ -1416,6 +1416,19 @@ def carry_references(
 def bridge_pieces(points: NDArray[np.float64], piece_of: NDArray[np.int32], pieces: int) -> NDArray[np.int64]:
     """Ends (pieces - 1, 2) of the shortest links that join all pieces; points (N, 3), piece_of (N,)."""
 
+def piece_gaps(
+    points: NDArray[np.float64],
+    corners: NDArray[np.int32],
+    piece: NDArray[np.int32],
+    *,
+    asked_edges: NDArray[np.int32],
+    asked_first: NDArray[np.int64],
+    asked_pieces: NDArray[np.int32],
+    near_enough: float,
+    threads: int,
+) -> NDArray[np.float64]:
+    """Distance (Q,) of each asked piece of a mesh of triangles to all others, 0 where it runs into one."""
+
 def merge_regions(
     count: int,
     first: NDArray[np.int64],

@@ -759,10 +759,18 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="The points are too far apart to separate leaves from wood. All are taken for wood.",
                 action='Set `branches.cloud_leaves` to `"on"` if the plant has leaves.',
             ),
-            "branches-in-skeleton-alone": RemarkKind(
+            "branches-not-in-surface": RemarkKind(
                 severity="info",
-                meaning="Some branches are in the skeleton and not in the surface. The text counts the reasons.",
+                meaning=(
+                    "Some branches cannot be in the surface, so they are left out of the skeleton too. The text counts "
+                    "the reasons."
+                ),
                 action="Nothing while they are few.",
+            ),
+            "branches-plain": RemarkKind(
+                severity="info",
+                meaning="The thinnest branches are tubes of four sides, because the surface would have too many faces.",
+                action="Raise `branches.max_faces` if more may be drawn.",
             ),
             "branches-beside-parent": RemarkKind(
                 severity="info",

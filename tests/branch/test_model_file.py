@@ -62,7 +62,6 @@ def test_a_traced_cloud_comes_back(tmp_path, colored):
         colors=rng.integers(0, 255, (40, 3)).astype(np.float64) if colored else None,
         plant_from_capture=np.diag([2.0, 2, 2, 1]),
         skeleton=fork(),
-        lost=np.array([1], np.int32),
         of_photographs=colored,
         turned=np.array([2, 5], np.int32),
         unjoined=np.array([7], np.int32),

@@ -23,5 +23,6 @@ NB_MODULE(_native, m) {
     bind_branch_cage(m);
     bind_tubes(m);
     bind_piece_bridges(m);
+    bind_piece_gaps(m);
     bind_merge_regions(m);
 }

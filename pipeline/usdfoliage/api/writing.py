@@ -24,7 +24,7 @@ from usdfoliage.asset.publish import publish_folder
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.files.write_gate import Access, check_access
-from usdfoliage.jobs.branches.run import build_surfaces
+from usdfoliage.jobs.branches.surfaces import build_surfaces
 from usdfoliage.jobs.edits.bake import BakeRequest, bake_asset
 from usdfoliage.jobs.edits.given_pictures import check_pictures
 from usdfoliage.leaf.model import Leaves
@@ -116,10 +116,11 @@ def write_asset(
         if crown is not None:
             branches = None
             if skeleton is not None:
-                surfaces, remarks = build_surfaces(skeleton)
-                prim = SkeletonPrim(skeleton=skeleton)
+                made = build_surfaces(skeleton)
+                remarks = list(made.remarks)
+                prim = SkeletonPrim(skeleton=made.skeleton)
                 branches = PlantBranches(
-                    skeleton=prim, surfaces=surfaces, settings=BranchAssetSettings(version=version)
+                    skeleton=prim, surfaces=made.surfaces, settings=BranchAssetSettings(version=version)
                 )
             interface = write_plant_asset(
                 new,
@@ -132,10 +133,11 @@ def write_asset(
                 settings=PlantAssetSettings(version=version),
             )
         elif skeleton is not None:
-            surfaces, remarks = build_surfaces(skeleton)
-            prim = SkeletonPrim(skeleton=skeleton)
+            made = build_surfaces(skeleton)
+            remarks = list(made.remarks)
+            prim = SkeletonPrim(skeleton=made.skeleton)
             bark = BranchAssetSettings(version=version)
-            interface = write_branch_asset(new, root, prim, surfaces, record, matrix, bark, foliage)
+            interface = write_branch_asset(new, root, prim, made.surfaces, record, matrix, bark, foliage)
         else:
             assert leaves is not None
             interface = write_leaf_asset(new, root, leaves, record, settings, edits, appearance, matrix)

@@ -16,7 +16,7 @@ from usdfoliage.files.npz import read_arrays, reading_model, write_model
 
 LEAFLESS = 0.05  # share of the cloud that is leaves, below which a plant has none
 _CAGE = ("points_m", "ring", "faces", "st_m", "face_st", "curve", "order", "fork_faces", "fork_counts", "fork_curve")
-_CLOUD = ("points_m", "wood", "plant_from_capture", "lost", "turned", "unjoined")
+_CLOUD = ("points_m", "wood", "plant_from_capture", "turned", "unjoined")
 _FLAGS = ("knows_leaves", "of_photographs")
 
 
@@ -40,7 +40,6 @@ class TracedPlant:
     colors: NDArray[np.float64] | None  # (N, 3), red, green and blue, 0 to 255
     plant_from_capture: NDArray[np.float64]  # (4, 4), column vectors, from the capture's coordinates
     skeleton: Skeleton
-    lost: NDArray[np.int32]  # branches that the surface lacks
     of_photographs: bool = False  # whether stems are lines in photographs, which the cloud does not show
     # Leaves that were found to which stems lead by what was taken for their apex.
     turned: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
@@ -122,7 +121,6 @@ def read_traced_plant(path: Path) -> TracedPlant:
             points_m=arrays["points_m"],
             wood=arrays["wood"],
             plant_from_capture=arrays["plant_from_capture"],
-            lost=arrays["lost"],
             turned=arrays["turned"],
             unjoined=arrays["unjoined"],
             knows_leaves=knows_leaves,

@@ -44,6 +44,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "branches.internode_m": "--internode",
             "branches.cloud_leaves": "--cloud-leaves",
             "branches.max_points": "--most-points",
+            "branches.max_faces": "--most-faces",
             "foliage.leaf_length_m": "--leaf-length",
             "foliage.max_leaves": "--most-leaves",
             "plant.species": "--species",

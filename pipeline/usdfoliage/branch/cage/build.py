@@ -5,7 +5,7 @@ vertices round them are joined to the six of the branch. The method is our own.
 """
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from usdfoliage.branch.cage.join import join_branches
 from usdfoliage.branch.cage.layout import Layout
 from usdfoliage.branch.cage.mesh import Built
 from usdfoliage.branch.cage.pieces import LoosePieces, StandingWood, cut_loose
+from usdfoliage.branch.cage.rings import NO_MARKS, RingMarks
 from usdfoliage.branch.cage.sectors import SIDES
 from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.model import Skeleton
@@ -55,14 +56,16 @@ class BranchCage:
     loose: tuple[int, ...] = ()  # branches that begin a closed piece of their own, inside what they spring from
 
 
-def build_branch_cage(skeleton: Skeleton, settings: BranchCageSettings = BranchCageSettings()) -> BranchCage:
-    """Build the cage of all branches.
+def build_branch_cage(
+    skeleton: Skeleton, settings: BranchCageSettings = BranchCageSettings(), marks: RingMarks = NO_MARKS
+) -> BranchCage:
+    """Build the cage of all branches, with rings at the marks where there is room.
 
     A branch that ends inside its parent is left out, named in dropped, and what it carries leaves the parent instead.
     What crosses at a fork is tried again with a smaller hole and a longer way out; at last it becomes a closed piece of
     its own that runs into its parent, named in loose, with all that it carries.
     """
-    cage = _build_joined(skeleton, settings)
+    cage = _build_joined(skeleton, settings, marks)
     for number in range(PIECE_ROUNDS):
         lost = np.zeros(len(skeleton), bool)
         lost[[each.curve for each in cage.dropped if each.reason in _AT_FORKS]] = True
@@ -76,23 +79,32 @@ def build_branch_cage(skeleton: Skeleton, settings: BranchCageSettings = BranchC
     return cage
 
 
+def _append_mesh(cage: BranchCage, mesh: BranchCage, order: NDArray[np.integer]) -> BranchCage:
+    """A cage and another mesh beside it, whose branches are numbered alike; its orders (F,) are given."""
+    points, corners = len(cage.points_m), len(cage.st_m)
+    rings = int(cage.ring.max(initial=-1)) + 1
+    return replace(
+        cage,
+        points_m=np.concatenate([cage.points_m, mesh.points_m]),
+        ring=np.concatenate([cage.ring, mesh.ring + rings]).astype(np.int32),
+        faces=np.concatenate([cage.faces, mesh.faces + points]).astype(np.int32),
+        st_m=np.concatenate([cage.st_m, mesh.st_m]),
+        face_st=np.concatenate([cage.face_st, mesh.face_st + corners]).astype(np.int32),
+        curve=np.concatenate([cage.curve, mesh.curve]).astype(np.int32),
+        order=np.concatenate([cage.order, order]).astype(np.int32),
+    )
+
+
 def _with_pieces(cage: BranchCage, other: BranchCage, pieces: LoosePieces, skeleton: Skeleton) -> BranchCage:
     """A cage and that of pieces beside it, as one mesh."""
-    points, faces, corners = len(cage.points_m), len(cage.faces), len(cage.st_m)
-    rings = int(cage.ring.max(initial=-1)) + 1
+    faces = len(cage.faces)
     saved = set(pieces.curve.tolist()) - {int(pieces.curve[each.curve]) for each in other.dropped}
     roots = set(pieces.curve[pieces.skeleton.parent_curve < 0].tolist())
     reasons = {each.curve: each.reason for each in cage.dropped if each.curve not in saved}
     reasons.update({int(pieces.curve[each.curve]): each.reason for each in other.dropped})
     curve = pieces.curve[other.curve]
-    return BranchCage(
-        points_m=np.concatenate([cage.points_m, other.points_m]),
-        ring=np.concatenate([cage.ring, other.ring + rings]).astype(np.int32),
-        faces=np.concatenate([cage.faces, other.faces + points]).astype(np.int32),
-        st_m=np.concatenate([cage.st_m, other.st_m]),
-        face_st=np.concatenate([cage.face_st, other.face_st + corners]).astype(np.int32),
-        curve=np.concatenate([cage.curve, curve]),
-        order=np.concatenate([cage.order, skeleton.order[curve]]).astype(np.int32),
+    return replace(
+        _append_mesh(cage, replace(other, curve=curve), skeleton.order[curve]),
         fork_faces=np.concatenate([cage.fork_faces, other.fork_faces + faces]).astype(np.int32),
         fork_counts=np.concatenate([cage.fork_counts, other.fork_counts]),
         fork_curve=np.concatenate([cage.fork_curve, pieces.curve[other.fork_curve]]),
@@ -101,9 +113,9 @@ def _with_pieces(cage: BranchCage, other: BranchCage, pieces: LoosePieces, skele
     )
 
 
-def _build_joined(skeleton: Skeleton, settings: BranchCageSettings) -> BranchCage:
+def _build_joined(skeleton: Skeleton, settings: BranchCageSettings, marks: RingMarks = NO_MARKS) -> BranchCage:
     """The cage of the branches that can be joined."""
-    joined = join_branches(skeleton, settings)
+    joined = join_branches(skeleton, settings, marks)
     if joined.built is None or joined.layout is None:
         return _empty(joined.dropped)
     return _finish(joined.built, joined.layout, skeleton, joined.dropped)

@@ -12,6 +12,8 @@ class DropReason(StrEnum):
     NO_ROOM = "no-room"
     CROSSES = "crosses"
     PARENT_DROPPED = "parent-dropped"
+    AFLOAT = "afloat"
+    TOO_MANY = "too-many"
 
     @property
     def text(self) -> str:
@@ -26,4 +28,6 @@ _TEXTS = {
     DropReason.NO_ROOM: "without room on the parent",
     DropReason.CROSSES: "crossing the parent or a neighbour",
     DropReason.PARENT_DROPPED: "on a parent that was dropped",
+    DropReason.AFLOAT: "beside the surface of the parent",
+    DropReason.TOO_MANY: "beyond the number of faces that the surface may have",
 }

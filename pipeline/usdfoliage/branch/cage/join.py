@@ -13,6 +13,7 @@ from usdfoliage.branch.cage.exits import Exits
 from usdfoliage.branch.cage.holes import Holes
 from usdfoliage.branch.cage.layout import Layout, lay_out_faces
 from usdfoliage.branch.cage.mesh import Built, build_paths, find_guilty
+from usdfoliage.branch.cage.rings import NO_MARKS, RingMarks
 from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.settle import ATTEMPTS, find_beside, leading, take_around
 from usdfoliage.branch.cage.tubes import Floats, Ints, Path, Tubes, find_paths
@@ -38,17 +39,18 @@ class _Work:
     tries: Ints  # (B,)
     settings: BranchCageSettings
     carried_m: Floats  # (B,), length of all that a branch carries and its own
+    marks: RingMarks
 
     def build(
         self, paths: list[Path], dropped: dict[int, DropReason], moving: NDArray[np.bool_] | None = None
     ) -> tuple[Built, Ints]:
         """The mesh of these paths, which change in place, and the holes to try again."""
-        built = build_paths(paths, self.tries, self.settings, dropped, moving)
+        built = build_paths(paths, self.tries, self.settings, dropped, moving, self.marks)
         return built, find_guilty(built, self.carried_m)
 
 
-def join_branches(skeleton: Skeleton, settings: BranchCageSettings) -> Joined:
-    """Build the branches that can be joined."""
+def join_branches(skeleton: Skeleton, settings: BranchCageSettings, marks: RingMarks = NO_MARKS) -> Joined:
+    """Build the branches that can be joined, with rings at the marks where there is room."""
     paths, dropped = find_paths(skeleton)
     if not paths:
         return Joined(built=None, layout=None, dropped=dropped)
@@ -57,6 +59,7 @@ def join_branches(skeleton: Skeleton, settings: BranchCageSettings) -> Joined:
         tries=tries,
         settings=settings,
         carried_m=RootedTree(skeleton.parent_curve).sum_above(skeleton.lengths_m),
+        marks=marks,
     )
     built, guilty = work.build(paths, dropped)
     while len(guilty):

@@ -13,7 +13,7 @@ from usdfoliage.branch.cage.faces import Faces, HolePlaces, build_faces, place_h
 from usdfoliage.branch.cage.fork_surroundings import Forks, gather_forks
 from usdfoliage.branch.cage.holes import HOLE, Holes
 from usdfoliage.branch.cage.limit import pull_limit
-from usdfoliage.branch.cage.rings import Rings, Starts, build_rings
+from usdfoliage.branch.cage.rings import NO_MARKS, RingMarks, Rings, Starts, build_rings, ring_swell
 from usdfoliage.branch.cage.sectors import SIDES
 from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.settle import leading, settle
@@ -47,6 +47,7 @@ def build_paths(
     settings: BranchCageSettings,
     dropped: dict[int, DropReason],
     moving: NDArray[np.bool_] | None = None,
+    marks: RingMarks = NO_MARKS,
 ) -> Built:
     """The mesh of these paths, which change in place.
 
@@ -56,6 +57,7 @@ def build_paths(
         settings: How close the mesh keeps to the axes.
         dropped: Takes the branches that end inside their parents.
         moving: (B,) branches that may be bent to where their holes are; all where it is not given.
+        marks: Where rings are wanted.
     """
     exits, tubes, holes = settle(paths, tries, settings.clearance, dropped, moving)
     alive = tubes.parent < 0
@@ -67,7 +69,7 @@ def build_paths(
     radius_m[child] = np.minimum(exits.free_radius_m[holes.exit], holes.half_across_m / HOLE)
     spacing_m[exits.tube] = 1.2 * exits.free_radius_m
     starts = Starts(alive=alive, arc_m=start_m, radius_m=radius_m, spacing_m=spacing_m)
-    rings = build_rings(tubes, starts, holes, settings.axis_tolerance, settings.longest_row)
+    rings = build_rings(tubes, starts, holes, settings, marks)
     places = place_hole_vertices(tubes, holes)
     faces = build_faces(tubes, rings, holes, child)
     return Built(
@@ -102,14 +104,8 @@ def _pull(rings: Rings, places: HolePlaces, faces: Faces, roots: NDArray[np.bool
     """Vertices of the cage: of the rings, then of the holes."""
     rows = len(rings.tube) * SIDES
     holes = places.points_m.reshape(-1, 3)
-    same = np.diff(rings.tube) == 0
-    growth = np.zeros(len(rings.tube))
-    step, change = np.diff(rings.arc_m), np.diff(rings.radius_m)
-    growth[:-1][same] = (change / rings.radius_m[:-1] / np.where(same, step, 1))[same]
-    behind = np.zeros(len(rings.tube))
-    behind[1:][same] = (change / rings.radius_m[1:] / np.where(same, step, 1))[same]
     swell = np.zeros((rows + len(holes), 2))
-    swell[:rows] = np.repeat(np.stack([growth, behind], axis=1), SIDES, axis=0)
+    swell[:rows] = np.repeat(ring_swell(rings.tube, rings.arc_m, rings.radius_m), SIDES, axis=0)
     center, tangent = np.zeros((2, rows + len(holes), 3))
     center[:rows] = np.repeat(rings.center_m, SIDES, axis=0)
     tangent[:rows] = np.repeat(rings.tangent, SIDES, axis=0)

@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 
 from usdfoliage import _native
 from usdfoliage.branch.cage.holes import Holes
+from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.tubes import Floats, Ints, Tubes, turning
 
 # Half-way between its vertices the limit of a hexagon is 0.4 % nearer to the axis than at them.
 AT_VERTICES = 1.002
 GROWTH = 0.8  # of the spacing, per length, away from where it must be short
+LEAN_GROWTH = 3.0  # likewise, of a lean cage
 CROWDED = 0.7  # radii: optional rings keep this distance
 PER_INTERVAL = 6  # at least so many samples of the spacing between two rings that are given
 MAX_SAMPLES = 4000  # and at most so many
@@ -59,18 +61,41 @@ class Starts:
     spacing_m: Floats  # (T,), of the first rings
 
 
-def build_rings(tubes: Tubes, starts: Starts, holes: Holes, tolerance: float, longest: float) -> Rings:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RingMarks:
+    """Places along branches that are to have rings where there is room."""
+
+    branch: Ints  # (M,)
+    arc_m: Floats  # (M,), along the branch
+
+    def on_tubes(self, tubes: Tubes) -> tuple[Ints, Floats]:
+        """Tubes and arcs of those whose branches are there."""
+        place = np.full(max(int(self.branch.max(initial=-1)), int(tubes.piece_branch.max(initial=-1))) + 1, -1)
+        place[tubes.piece_branch] = np.arange(len(tubes.piece_branch))
+        piece = place[self.branch]
+        there = piece >= 0
+        tube, arc = tubes.piece_tube[piece[there]], (tubes.piece_from_m[piece] + self.arc_m)[there]
+        inside = (arc > 0) & (arc < tubes.length_m[tube])
+        return tube[inside], arc[inside]
+
+
+NO_MARKS = RingMarks(branch=np.zeros(0, np.int64), arc_m=np.zeros(0))
+
+
+def build_rings(
+    tubes: Tubes, starts: Starts, holes: Holes, settings: BranchCageSettings, marks: RingMarks = NO_MARKS
+) -> Rings:
     """Place rings along all tubes that are alive.
 
     Args:
         tubes: All axes.
         starts: Where their rings begin.
         holes: What they must leave room for.
-        tolerance: By how much of its radius a tube may leave its axis in bends.
-        longest: Spacing of rings, in radii.
+        settings: How many.
+        marks: Where rings are wanted beside these.
     """
-    tube, arc, block = _given_stations(tubes, starts, holes, tolerance)
-    tube, arc, block = _fill(tubes, starts, tube, arc, block, tolerance, longest)
+    tube, arc, block = _given_stations(tubes, starts, holes, settings, marks)
+    tube, arc, block = _fill(tubes, starts, tube, arc, block, settings)
     center, radius = tubes.axis(tube, arc)
     radius = np.minimum(radius, starts.radius_m[tube] + 0.3 * (arc - starts.arc_m[tube]))
     return _round(tubes, holes, tube, arc, block, center, radius)
@@ -113,6 +138,16 @@ def _round(tubes: Tubes, holes: Holes, tube: Ints, arc: Floats, block: Ints, cen
     )
 
 
+def ring_swell(tube: Ints, arc_m: Floats, radius_m: Floats) -> Floats:
+    """(N, 2) by how much of its radius a tube grows per length, ahead of each ring and behind it; 0 beyond its ends."""
+    same = np.diff(tube) == 0
+    step, change = np.diff(arc_m), np.diff(radius_m)
+    swell = np.zeros((len(tube), 2))
+    swell[:-1, 0][same] = (change / radius_m[:-1] / np.where(same, step, 1))[same]
+    swell[1:, 1][same] = (change / radius_m[1:] / np.where(same, step, 1))[same]
+    return swell
+
+
 def turned(tubes: Tubes, holes: Holes, tube: Ints, arc: Floats) -> Floats:
     """(N, 6) angles of the columns at places of tubes."""
     given = holes.turn_tube * tubes.stride_m + holes.turn_arc_m
@@ -125,7 +160,9 @@ def turned(tubes: Tubes, holes: Holes, tube: Ints, arc: Floats) -> Floats:
     return np.stack([np.interp(at, given, column) for column in holes.turn_angles_rad.T], axis=1)
 
 
-def _given_stations(tubes: Tubes, starts: Starts, holes: Holes, tolerance: float) -> tuple[Ints, Floats, Ints]:
+def _given_stations(
+    tubes: Tubes, starts: Starts, holes: Holes, settings: BranchCageSettings, marks: RingMarks
+) -> tuple[Ints, Floats, Ints]:
     """Stations that must be, in order: ends, blocks, and corners that spacing alone would round off."""
     alive = np.flatnonzero(starts.alive)
     tip_m = tubes.length_m[alive]
@@ -149,10 +186,13 @@ def _given_stations(tubes: Tubes, starts: Starts, holes: Holes, tolerance: float
     tube, arc, block = tube[distinct], arc[distinct], block[distinct]
 
     # A few more rings keep the rounding of tips and feet out of the long rows beside them.
-    soft_tube, soft_arc = _corners(tubes, tolerance)
-    near, far = (shoulder - away * tip_radius for away in STEADIED)
-    soft_tube = np.concatenate([soft_tube, alive, alive, roots, roots])
-    soft_arc = np.concatenate([soft_arc, near, far, *((SHOULDER + away) * foot for away in STEADIED)])
+    soft_tube, soft_arc = _corners(tubes, settings.axis_tolerance)
+    steadied = STEADIED[:1] if settings.lean else STEADIED
+    beside_tips = [shoulder - away * tip_radius for away in steadied]
+    beside_feet = [(SHOULDER + away) * foot for away in steadied]
+    of_marks, at_marks = marks.on_tubes(tubes)
+    soft_tube = np.concatenate([soft_tube, *[alive] * len(steadied), *[roots] * len(steadied), of_marks])
+    soft_arc = np.concatenate([soft_arc, *beside_tips, *beside_feet, at_marks])
     order = np.lexsort([soft_arc, soft_tube])
     soft_tube, soft_arc = soft_tube[order], soft_arc[order]
     keep = starts.alive[soft_tube]
@@ -215,7 +255,7 @@ def _thin_out(
 
 
 def _fill(
-    tubes: Tubes, starts: Starts, tube: Ints, arc: Floats, block: Ints, tolerance: float, longest: float
+    tubes: Tubes, starts: Starts, tube: Ints, arc: Floats, block: Ints, settings: BranchCageSettings
 ) -> tuple[Ints, Floats, Ints]:
     """Add stations between the given ones, so many as bends ask for, and closer towards blocks and ends."""
     apart = np.diff(arc)
@@ -234,9 +274,9 @@ def _fill(
         _native.RingGaps(tube=of, low_m=low, length_m=length, below_m=spacing[gap], above_m=spacing[gap + 1]),
         turned_rad=tubes.turned_rad,
         settings=_native.RingSpacingSettings(
-            tolerance=tolerance,
-            longest=longest,
-            growth=GROWTH,
+            tolerance=settings.axis_tolerance,
+            longest=settings.longest_row,
+            growth=LEAN_GROWTH if settings.lean else GROWTH,
             steady=STEADY,
             long_segment=LONG,
             max_reach_m=0.25 * tubes.stride_m,

@@ -10,6 +10,7 @@ class BranchCageSettings:
     axis_tolerance: float = 0.01  # how far the surface may leave the axis in a bend
     longest_row: float = 24.0  # of faces along a branch
     clearance: float = 0.2  # between a parent and the first ring of a branch
+    lean: bool = False  # fewer rings beside forks and tips
 
     def __post_init__(self) -> None:
         if not 0 < self.axis_tolerance <= 1:

@@ -21,6 +21,7 @@ from usdfoliage.jobs.branches.foliage import FITTED, NONE, FoliageRequest
 from usdfoliage.jobs.branches.motion import BranchMotion
 from usdfoliage.jobs.branches.regrowth import MAX_VARIATIONS, RegrowthRequest
 from usdfoliage.jobs.branches.run import BranchesRequest
+from usdfoliage.jobs.branches.surfaces import MIN_FACES
 from usdfoliage.jobs.edits.scatter import LENGTHS_M, MAX_LEAVES, read_color
 from usdfoliage.jobs.plant_cloud import MIN_POINTS, PlantCloudRequest, read_roots, read_unit, read_up
 
@@ -54,6 +55,7 @@ def read_branches_request(options: argparse.Namespace) -> BranchesRequest:
         foliage=_read_foliage(options, species),
         motion=_read_motion(options),
         asset=bark,
+        max_faces=_read_max_faces(options),
         seed=options.seed,
         preview=not options.no_preview,
         times=not options.reproducible,
@@ -61,6 +63,13 @@ def read_branches_request(options: argparse.Namespace) -> BranchesRequest:
         keep_old=options.keep_old,
         render_setting=render_for("branches"),
     )
+
+
+def _read_max_faces(options: argparse.Namespace) -> int | None:
+    if options.max_faces is not None and options.max_faces < MIN_FACES:
+        raise FoliageError(f"--most-faces must be at least {MIN_FACES}, not {options.max_faces}")
+    faces: int | None = options.max_faces
+    return faces
 
 
 def _read_cloud(options: argparse.Namespace) -> PlantCloudRequest:

@@ -1,6 +1,5 @@
 """Leaves for an asset of branches: of a species, or as they were fitted to a capture."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -100,7 +99,6 @@ def grow_leaves(
     request: FoliageRequest,
     fitted: FittedLeaves | None,
     seed: int,
-    bare: Sequence[int] = (),
 ) -> GrownLeaves | None:
     """Leaves on the twigs of a skeleton as they were asked for; None for none.
 
@@ -109,7 +107,6 @@ def grow_leaves(
         request: Which leaves.
         fitted: Those to draw from, as read_fitted_leaves gives them; None: leaves of the species.
         seed: Of the random choices.
-        bare: Branches that the surface lacks: their leaves would float.
 
     Raises:
         FoliageError: So many need more memory than there is.
@@ -118,7 +115,7 @@ def grow_leaves(
         return None
     rng = np.random.default_rng(seed)
     settings = request.settings if fitted is None else replace(request.settings, length=0.0)  # they differ themselves
-    places = place_leaves(skeleton, request.species, rng, settings, bare)
+    places = place_leaves(skeleton, request.species, rng, settings)
     remarks: list[Remark] = []
     if fitted is None:
         foliage = _of_species(places, request, rng)

@@ -1,7 +1,6 @@
 """From a cloud on disk to an asset of branches."""
 
 import logging
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,11 +19,8 @@ from usdfoliage.asset.parts.leaf_motion import RiggedLeaves
 from usdfoliage.asset.parts.leaf_part import BranchLeaves
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
-from usdfoliage.branch.cage.build import BranchCage, build_branch_cage
-from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.internodes import measure_internode_m
-from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.tracing.free_axes import points_of_branches
 from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches
 from usdfoliage.files.hashing import digest_file
@@ -40,6 +36,7 @@ from usdfoliage.jobs.branches.known_stems import KnownStems
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_branches, rig_branches, rig_grown_leaves
 from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, regrow_branches, vary_branches
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
+from usdfoliage.jobs.branches.surfaces import build_surfaces, faces_of_cloud
 from usdfoliage.jobs.branches.tracing import FindStems, trace_cloud
 from usdfoliage.jobs.branches.warnings import check_surface
 from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
@@ -51,8 +48,6 @@ logger = logging.getLogger(__name__)
 
 VARIATIONS = "variations"  # folder of the assets of variations
 _LIT = 0.75  # quantile of colours: the middle of their lighter half
-_COARSER_ORDERS = (1, 2)  # variants of the surface
-CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0)  # bends are those of points that were measured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +63,7 @@ class BranchesRequest:
     foliage: FoliageRequest = field(default_factory=FoliageRequest)
     motion: BranchMotion = field(default_factory=BranchMotion)
     asset: BranchAssetSettings = field(default_factory=BranchAssetSettings)
+    max_faces: int | None = None  # of the surface; by the points of the cloud where it is not given
     seed: int = 0
     preview: bool = True
     times: bool = True  # whether the report lists how long each step took
@@ -101,17 +97,12 @@ class FoundBranches:
 
     plant: PlantCloud  # as it was traced
     traced: TracedBranches
-    drawn: TracedBranches  # the same, or regrown
+    drawn: TracedBranches  # the same, or regrown, without what the surface lacks
     made: "PlantModel"
     bark: BranchAssetSettings
     remarks: tuple[Remark, ...]
     rows: tuple[Row, ...]
     stems: KnownStems | None = None  # that were taken in place of those of the cloud
-
-    @property
-    def lost(self) -> tuple[int, ...]:
-        """Branches that the surface lacks."""
-        return tuple(branch.curve for branch in self.made.surfaces.whole.dropped)
 
 
 def find_branches(
@@ -157,7 +148,7 @@ def find_branches(
             request.seed,
             lambda share: advance(round(1000 * share), 1000),
         )
-    made = _make_plant(request, drawn, fitted, request.seed, seconds, progress)
+    made = _make_plant(request, drawn, plant, fitted, request.seed, seconds, progress)
     surface = made.surfaces.whole
     remarks = merge_remarks(
         found.remarks,
@@ -165,8 +156,9 @@ def find_branches(
         describe_leaves(traced, request.settings) if found.stems is None else [],
         of_growth,
         made.remarks,
-        check_surface(len(drawn.skeleton), len(surface.dropped), len(surface.loose)),
+        check_surface(len(drawn.skeleton), made.left_out, len(surface.loose)),
     )
+    drawn = made.traced
     rows = branch_rows(
         drawn,
         surface,
@@ -218,7 +210,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 name = f"{request.name}_{len(variations) + 1:02d}"
                 own = folder / VARIATIONS / name
                 own.mkdir(parents=True)
-                variation = _make_plant(request, varied, fitted, seed, {}, None)
+                variation = _make_plant(request, varied, plant, fitted, seed, {}, None)
                 variations.append(
                     _write_plant(own, name, variation, replace(provenance, seed=seed), plant, request.asset)
                 )
@@ -275,6 +267,8 @@ def report_branches(
 class PlantModel:
     """What an asset of branches is written from."""
 
+    traced: TracedBranches  # without the branches that the surface lacks
+    left_out: int  # of these
     skeleton: SkeletonPrim
     surfaces: BranchSurfaces
     leaves: BranchLeaves | None
@@ -288,6 +282,7 @@ class PlantModel:
 def _make_plant(
     request: BranchesRequest,
     traced: TracedBranches,
+    plant: PlantCloud,
     fitted: FittedLeaves | None,
     seed: int,
     seconds: dict[str, float],
@@ -295,10 +290,11 @@ def _make_plant(
 ) -> PlantModel:
     """The surface of branches, their leaves, and what moves."""
     with follow_step("surface", seconds, progress):
-        surfaces, remarks = build_surfaces(traced.skeleton)
+        made = build_surfaces(traced.skeleton, request.max_faces or faces_of_cloud(len(plant.points_m)))
+    surfaces, remarks = made.surfaces, list(made.remarks)
+    traced = replace(traced, skeleton=made.skeleton)
     with follow_step("leaves", seconds, progress):
-        lost = [branch.curve for branch in surfaces.whole.dropped]
-        grown = grow_leaves(traced.skeleton, request.foliage, fitted, seed, lost)
+        grown = grow_leaves(traced.skeleton, request.foliage, fitted, seed)
         remarks.extend(grown.remarks if grown else ())
     with follow_step("motion", seconds, progress):
         rig = rig_branches(traced.skeleton, surfaces, request.motion, seed)
@@ -307,6 +303,8 @@ def _make_plant(
         text = f"the rig has {len(rig.rig)} joints"
         remarks.append(remark("rig-joints", text, remedy="select rig=skel to move it"))
     return PlantModel(
+        traced=traced,
+        left_out=made.left_out,
         skeleton=SkeletonPrim(skeleton=traced.skeleton, growth=growth_of(traced)),
         surfaces=surfaces,
         leaves=grown.foliage if grown else None,
@@ -347,28 +345,6 @@ def wood_color(colors: NDArray[np.float64]) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def build_surfaces(skeleton: Skeleton) -> tuple[BranchSurfaces, list[Remark]]:
-    """The surface of all branches and those of the lower orders, and what is not in it."""
-    whole = build_branch_cage(skeleton, CAGE)
-    highest = int(skeleton.order.max())
-    coarser: list[tuple[int, BranchCage]] = [
-        (order, build_branch_cage(skeleton.up_to_order(order), CAGE)) for order in _COARSER_ORDERS if order < highest
-    ]
-    remarks = []
-    reasons = Counter(lost.reason for lost in whole.dropped)
-    if reasons:
-        described = ", ".join(f"{count} {reason.text}" for reason, count in reasons.most_common())
-        text = f"{len(whole.dropped)} of {len(skeleton)} branches are in the skeleton alone: {described}"
-        remarks.append(remark("branches-in-skeleton-alone", text))
-    if whole.loose:
-        text = (
-            f"{len(whole.loose)} branches would cross their parent where they join it: "
-            "each begins a closed piece of its own inside it"
-        )
-        remarks.append(remark("branches-beside-parent", text))
-    return BranchSurfaces(whole=whole, by_order=tuple(coarser)), remarks
-
-
 def describe_leaves(traced: TracedBranches, settings: BranchSettings) -> list[Remark]:
     """What the user should know of the cloud's leaves."""
     share = float(1 - traced.wood.mean())
@@ -404,6 +380,7 @@ def describe_settings(request: BranchesRequest) -> dict[str, str]:
         **describe_foliage(request.foliage),
         "bark-color": " ".join(f"{channel:g}" for channel in request.asset.color),
         "seed": str(request.seed),
+        "most-faces": "auto" if request.max_faces is None else f"{request.max_faces}",
         **request.motion.describe(),
     }
 

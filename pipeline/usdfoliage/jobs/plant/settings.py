@@ -74,6 +74,9 @@ class BranchStageSettings:
     photographs: bool = True
     # Branches are traced through this many points of the cloud at most. Range: 50 or more.
     max_points: int = PlantCloudRequest.max_points
+    # The surface of the branches has this many faces at most; auto is 6 for each point of the cloud, from 30000 to
+    # 400000. Range: 1000 or more.
+    max_faces: int | None = None
 
     def __post_init__(self) -> None:
         if self.internode_m is not None and not self.internode_m > 0:
@@ -84,6 +87,8 @@ class BranchStageSettings:
             raise ValueError(f"cloud_leaves must be one of {', '.join(get_args(CloudLeaves))}, not {self.cloud_leaves}")
         if self.max_points < 50:
             raise ValueError(f"max_points must be at least 50, not {self.max_points}")
+        if self.max_faces is not None and self.max_faces < 1000:
+            raise ValueError(f"max_faces must be at least 1000, not {self.max_faces}")
         try:
             read_roots(self.roots)
         except FoliageError as error:

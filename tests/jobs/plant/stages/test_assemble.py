@@ -131,7 +131,6 @@ def fork_call(folder: Path, points_m: np.ndarray, settings: BuildSettings, leave
             colors=None,
             plant_from_capture=np.eye(4),
             skeleton=skeleton,
-            lost=np.zeros(0, np.int32),
         ),
     )
     write_crown_model(results["crown"] / "crown.npz", MadeCrown(model=round_crown(), overlap=0.8))

@@ -68,7 +68,6 @@ def traced(leafy_m: np.ndarray, *, knows_leaves: bool = True) -> TracedPlant:
         colors=None,
         plant_from_capture=FRAME,
         skeleton=twig_through(leafy_m) if len(leafy_m) else random_tree(3),
-        lost=np.zeros(0, np.int32),
     )
 
 

@@ -49,7 +49,6 @@ def plant(unjoined=(), *, of_photographs: bool = True, turned=()) -> TracedPlant
         colors=None,
         plant_from_capture=FRAME,
         skeleton=stem(),
-        lost=np.zeros(0, np.int32),
         of_photographs=of_photographs,
         unjoined=np.array(unjoined, np.int32),
         turned=np.array(turned, np.int32),

@@ -52,7 +52,6 @@ def write_model(part: str, folder: Path) -> None:
                 colors=None,
                 plant_from_capture=FRAME,
                 skeleton=skeleton,
-                lost=np.zeros(0, np.int32),
             ),
         )
 

@@ -119,7 +119,7 @@ def _choose_of_found(
         settings=replace(GrownSettings(), max_leaves=wanted.max_leaves),
         representations=settings.plant.representations,
     )
-    grown = grow_leaves(traced.skeleton, request, fitted, settings.seed, traced.lost.tolist())
+    grown = grow_leaves(traced.skeleton, request, fitted, settings.seed)
     if grown is None:
         raise FoliageError("no leaves were grown")
     if not len(grown.foliage.leaves):

@@ -79,6 +79,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             internode_m=settings.internode_m, leaves=settings.cloud_leaves, radii=RadiusSettings(allometry=allometry)
         ),
         species=known.name if known else "",
+        max_faces=settings.max_faces,
         seed=call.settings.seed,
         times=False,
         needs_stems=settings.make == "auto",
@@ -129,7 +130,6 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             colors=found.plant.colors,
             plant_from_capture=found.plant.asset_from_cloud,
             skeleton=found.drawn.skeleton,
-            lost=np.array(found.lost, np.int32),
             of_photographs=found.stems is not None,
             turned=np.zeros(0, np.int32) if found.stems is None else found.stems.turned,
             unjoined=np.zeros(0, np.int32) if found.stems is None else found.stems.unjoined,

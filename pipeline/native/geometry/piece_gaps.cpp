@@ -1,0 +1,211 @@
+#include "geometry/piece_gaps.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "parallel.h"
+
+namespace usdfoliage {
+namespace {
+
+constexpr std::size_t kLeaf = 6;  // triangles of a box that is not halved
+constexpr double kFar = std::numeric_limits<double>::infinity();
+constexpr std::int32_t kMixed = -1;
+
+using Point = std::array<double, 3>;
+
+Point minus(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
+double dot(const Point& a, const Point& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+Point cross(const Point& a, const Point& b) {
+    return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+Point along(const Point& from, const Point& step, double share) {
+    return {from[0] + share * step[0], from[1] + share * step[1], from[2] + share * step[2]};
+}
+
+struct Box {
+    Point low, high;
+    std::size_t begin, end;
+    std::size_t far_half;  // the near one comes right behind its parent; 0 of a leaf
+    std::int32_t piece;    // of all its triangles, or kMixed
+};
+
+double square_from(const Box& box, const Point& p) {
+    double square = 0;
+    for (int c = 0; c < 3; ++c) {
+        const double out = std::max({box.low[c] - p[c], p[c] - box.high[c], 0.0});
+        square += out * out;
+    }
+    return square;
+}
+
+// The point of a triangle that is nearest to p. Source: C. Ericson, Real-Time Collision Detection, 2004, 5.1.5.
+Point nearest_of(const Point& a, const Point& b, const Point& c, const Point& p) {
+    const Point ab = minus(b, a), ac = minus(c, a), ap = minus(p, a);
+    const double d1 = dot(ab, ap), d2 = dot(ac, ap);
+    if (d1 <= 0 && d2 <= 0) return a;
+    const Point bp = minus(p, b);
+    const double d3 = dot(ab, bp), d4 = dot(ac, bp);
+    if (d3 >= 0 && d4 <= d3) return b;
+    const double vc = d1 * d4 - d3 * d2;
+    if (vc <= 0 && d1 >= 0 && d3 <= 0) return along(a, ab, d1 / (d1 - d3));
+    const Point cp = minus(p, c);
+    const double d5 = dot(ab, cp), d6 = dot(ac, cp);
+    if (d6 >= 0 && d5 <= d6) return c;
+    const double vb = d5 * d2 - d1 * d6;
+    if (vb <= 0 && d2 >= 0 && d6 <= 0) return along(a, ac, d2 / (d2 - d6));
+    const double va = d3 * d6 - d5 * d4;
+    if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) return along(b, minus(c, b), (d4 - d3) / ((d4 - d3) + (d5 - d6)));
+    const double whole = va + vb + vc;
+    if (!(whole > 0)) return a;  // a triangle without area
+    return along(along(a, ab, vb / whole), ac, vc / whole);
+}
+
+// Whether a straight way enters a box.
+bool enters(const Box& box, const Point& from, const Point& step) {
+    double begin = 0, end = 1;
+    for (int c = 0; c < 3; ++c) {
+        if (step[c] == 0) {
+            if (from[c] < box.low[c] || from[c] > box.high[c]) return false;
+            continue;
+        }
+        const double one = (box.low[c] - from[c]) / step[c], two = (box.high[c] - from[c]) / step[c];
+        begin = std::max(begin, std::min(one, two));
+        end = std::min(end, std::max(one, two));
+    }
+    return begin <= end;
+}
+
+// Whether it goes through a triangle. Source: T. Moeller and B. Trumbore, Fast, minimum storage ray/triangle
+// intersection, 1997.
+bool goes_through(const Point& a, const Point& b, const Point& c, const Point& from, const Point& step) {
+    const Point ab = minus(b, a), ac = minus(c, a), across = cross(step, ac);
+    const double volume = dot(ab, across);
+    if (volume == 0) return false;  // along its plane, or a triangle without area
+    const Point away = minus(from, a), turned = cross(away, ab);
+    const double u = dot(away, across) / volume, v = dot(step, turned) / volume, at = dot(ac, turned) / volume;
+    return u >= 0 && v >= 0 && u + v <= 1 && at >= 0 && at <= 1;
+}
+
+class TriangleTree {
+public:
+    explicit TriangleTree(const PieceMesh& whole) : mesh(whole), order(whole.triangles) {
+        std::iota(order.begin(), order.end(), std::size_t{0});
+        if (mesh.triangles) halve(0, mesh.triangles);
+    }
+
+    // Distance of p to the nearest triangle of another piece, if it is below `square`: squared.
+    double square_to_others(const Point& p, std::int32_t own, double square) const {
+        find(0, p, own, square);
+        return square;
+    }
+
+    // Whether the way from a point goes through a triangle of another piece.
+    bool crosses_others(const Point& from, const Point& step, std::int32_t own, std::size_t at = 0) const {
+        const Box& box = boxes[at];
+        if (box.piece == own || !enters(box, from, step)) return false;
+        if (box.far_half) {
+            return crosses_others(from, step, own, at + 1) || crosses_others(from, step, own, box.far_half);
+        }
+        for (std::size_t i = box.begin; i < box.end; ++i) {
+            const std::size_t t = order[i];
+            if (piece_of(t) != own && goes_through(corner(t, 0), corner(t, 1), corner(t, 2), from, step)) return true;
+        }
+        return false;
+    }
+
+    bool empty() const { return boxes.empty(); }
+
+private:
+    Point corner(std::size_t triangle, int c) const {
+        const double* p = mesh.points + 3 * static_cast<std::size_t>(mesh.corners[3 * triangle + c]);
+        return {p[0], p[1], p[2]};
+    }
+    std::int32_t piece_of(std::size_t triangle) const { return mesh.piece[mesh.corners[3 * triangle]]; }
+
+    std::size_t halve(std::size_t begin, std::size_t end) {
+        const std::size_t own = boxes.size();
+        Box box{{kFar, kFar, kFar}, {-kFar, -kFar, -kFar}, begin, end, 0, piece_of(order[begin])};
+        for (std::size_t i = begin; i < end; ++i) {
+            for (int k = 0; k < 3; ++k) {
+                const Point p = corner(order[i], k);
+                for (int c = 0; c < 3; ++c) {
+                    box.low[c] = std::min(box.low[c], p[c]);
+                    box.high[c] = std::max(box.high[c], p[c]);
+                }
+            }
+            if (piece_of(order[i]) != box.piece) box.piece = kMixed;
+        }
+        boxes.push_back(box);
+        if (end - begin <= kLeaf) return own;
+        int axis = 0;
+        for (int c = 1; c < 3; ++c) {
+            if (box.high[c] - box.low[c] > box.high[axis] - box.low[axis]) axis = c;
+        }
+        const std::size_t middle = (begin + end) / 2;
+        const auto place = [&](std::size_t t) { return corner(t, 0)[axis] + corner(t, 1)[axis] + corner(t, 2)[axis]; };
+        std::nth_element(order.begin() + begin, order.begin() + middle, order.begin() + end,
+                         [&](std::size_t a, std::size_t b) {
+                             const double x = place(a), y = place(b);
+                             return x < y || (x == y && a < b);
+                         });
+        halve(begin, middle);
+        boxes[own].far_half = halve(middle, end);
+        return own;
+    }
+
+    void find(std::size_t at, const Point& p, std::int32_t own, double& square) const {
+        const Box& box = boxes[at];
+        if (box.piece == own || square_from(box, p) >= square) return;
+        if (!box.far_half) {
+            for (std::size_t i = box.begin; i < box.end; ++i) {
+                if (piece_of(order[i]) == own) continue;
+                const Point away = minus(p, nearest_of(corner(order[i], 0), corner(order[i], 1), corner(order[i], 2), p));
+                square = std::min(square, dot(away, away));
+            }
+            return;
+        }
+        const std::size_t near = at + 1, far = box.far_half;
+        const bool first = square_from(boxes[near], p) <= square_from(boxes[far], p);
+        find(first ? near : far, p, own, square);
+        find(first ? far : near, p, own, square);
+    }
+
+    const PieceMesh& mesh;
+    std::vector<std::size_t> order;
+    std::vector<Box> boxes;
+};
+
+}  // namespace
+
+std::vector<double> piece_gaps(const PieceMesh& mesh, const PieceEdges& asked, double near_enough, int threads) {
+    const TriangleTree tree(mesh);
+    std::vector<double> gaps(asked.count, kFar);
+    if (tree.empty()) return gaps;
+    const double enough = near_enough * near_enough;
+    const auto point = [&](std::int32_t index) {
+        const double* p = mesh.points + 3 * static_cast<std::size_t>(index);
+        return Point{p[0], p[1], p[2]};
+    };
+    parallel_for(asked.count, threads, [&](std::size_t q) {
+        const std::int32_t own = asked.pieces[q];
+        for (std::int64_t i = asked.first[q]; i < asked.first[q + 1]; ++i) {
+            const Point from = point(asked.ends[2 * i]);
+            if (tree.crosses_others(from, minus(point(asked.ends[2 * i + 1]), from), own)) {
+                gaps[q] = 0;
+                return;
+            }
+        }
+        double least = kFar;
+        for (std::int64_t i = asked.first[q]; i < asked.first[q + 1] && least > enough; ++i) {
+            least = tree.square_to_others(point(asked.ends[2 * i]), own, least);
+        }
+        gaps[q] = std::sqrt(least);
+    });
+    return gaps;
+}
+
+}  // namespace usdfoliage

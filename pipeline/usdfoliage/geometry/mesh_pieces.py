@@ -1,0 +1,67 @@
+"""The pieces that a closed mesh is in, and how far they stand off each other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from usdfoliage import _native
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeshPieces:
+    """Faces that share corners are one piece. Metres."""
+
+    of_point: NDArray[np.int32]  # (P,), piece of each point, from 0 on; a point without a face is one of its own
+    rooted: NDArray[np.bool_]  # (K,), whether a root is in it
+    gap_m: NDArray[np.float64]  # (K,), to the others; 0 where it runs into one, or is rooted
+
+    def afloat(self, nearest_m: float) -> NDArray[np.int64]:
+        """Pieces without a root that stand off all others by more than nearest_m."""
+        return np.flatnonzero(~self.rooted & (self.gap_m > nearest_m))
+
+
+def find_pieces(
+    points_m: NDArray[np.float64], faces: NDArray[np.integer], roots_m: NDArray[np.float64], near_enough_m: float = 0.0
+) -> MeshPieces:
+    """Find the pieces of a mesh, and how far those without a root are from all others.
+
+    Args:
+        points_m: (P, 3), all finite.
+        faces: (F, 3) or (F, 4), counter-clockwise from outside.
+        roots_m: (R, 3), places of roots; each is in the piece whose point is nearest.
+        near_enough_m: A distance below it is not measured exactly.
+    """
+    corners = np.asarray(faces, np.int32)
+    around = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
+    links = coo_array((np.ones(len(around), bool), (around[:, 0], around[:, 1])), shape=(len(points_m),) * 2)
+    count, of_point = connected_components(links, directed=False)
+    of_point = of_point.astype(np.int32)
+    used = np.zeros(len(points_m), bool)
+    used[corners] = True
+    rooted = np.zeros(count, bool)
+    rooted[of_point[~used]] = True  # no surface, so nothing that could be afloat
+    back = np.flatnonzero(used)
+    if len(back) and len(roots_m):
+        rooted[of_point[back[np.asarray(cKDTree(points_m[back]).query(roots_m)[1])]]] = True
+    gap_m = np.zeros(count)
+    asked = np.flatnonzero(~rooted).astype(np.int32)
+    if len(asked):
+        edges = np.unique(np.sort(around[~rooted[of_point[around[:, 0]]]], axis=1), axis=0)
+        edges = edges[np.argsort(of_point[edges[:, 0]], kind="stable")]
+        first = np.searchsorted(of_point[edges[:, 0]], np.append(asked, count)).astype(np.int64)
+        triangles = [corners[:, [0, 1, 2]]] + ([corners[:, [0, 2, 3]]] if corners.shape[1] == 4 else [])
+        gap_m[asked] = _native.piece_gaps(
+            np.ascontiguousarray(points_m, np.float64),
+            np.ascontiguousarray(np.concatenate(triangles)),
+            of_point,
+            asked_edges=np.ascontiguousarray(edges, np.int32),
+            asked_first=first,
+            asked_pieces=asked,
+            near_enough=near_enough_m,
+            threads=0,
+        )
+    return MeshPieces(of_point=of_point, rooted=rooted, gap_m=gap_m)

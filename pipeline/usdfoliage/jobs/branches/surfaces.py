@@ -1,0 +1,78 @@
+"""The surfaces of an asset of branches: that of all, and those of the lower orders."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from usdfoliage.branch.cage.build import BranchCage
+from usdfoliage.branch.cage.closed import ClosedBranches, PlainChoice, build_with_twigs, close_branches, thickest_above
+from usdfoliage.branch.cage.settings import BranchCageSettings
+from usdfoliage.branch.cage.surfaces import BranchSurfaces
+from usdfoliage.branch.cage.twigs import TwigSettings
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.remarks import Remark, Setting, remark
+
+FACES_A_POINT = 6  # of a cloud, that the surface of its branches may have
+FEWEST_FACES, MOST_FACES = 30_000, 400_000
+MIN_FACES = 1000  # that may be asked for
+CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0)  # bends are those of points that were measured
+_COARSER_ORDERS = (1, 2)  # variants of the surface
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MadeSurfaces:
+    """The surfaces, and the skeleton that they belong to."""
+
+    skeleton: Skeleton  # what is not in the surface is left out
+    surfaces: BranchSurfaces
+    left_out: int  # branches
+    remarks: tuple[Remark, ...]
+
+
+def faces_of_cloud(points: int) -> int:
+    """How many faces the surface of branches may have that were found in so many points."""
+    return min(max(FACES_A_POINT * points, FEWEST_FACES), MOST_FACES)
+
+
+def build_surfaces(skeleton: Skeleton, max_faces: int = MOST_FACES) -> MadeSurfaces:
+    """The surface of all branches and those of the lower orders, with at most so many faces each."""
+    closed = close_branches(skeleton, CAGE, max_faces)
+    highest = int(closed.skeleton.order.max())
+    coarser = [(order, _build_up_to(closed, order)) for order in _COARSER_ORDERS if order < highest]
+    return MadeSurfaces(
+        skeleton=closed.skeleton,
+        surfaces=BranchSurfaces(whole=closed.cage, by_order=tuple(coarser)),
+        left_out=len(skeleton) - len(closed.skeleton),
+        remarks=tuple(_describe(closed, len(skeleton))),
+    )
+
+
+def _build_up_to(closed: ClosedBranches, order: int) -> BranchCage:
+    """The surface of the branches up to an order, plain tubes where the whole has them."""
+    skeleton = closed.skeleton.up_to_order(order)
+    thin = (skeleton.parent_curve >= 0) & (thickest_above(skeleton) <= closed.thickest_plain_m)
+    choice = PlainChoice(plain=thin, gone=np.zeros(len(skeleton), bool), twigs=TwigSettings())
+    return build_with_twigs(skeleton, choice, CAGE)
+
+
+def _describe(closed: ClosedBranches, given: int) -> list[Remark]:
+    remarks = []
+    if closed.left_out:
+        ordered = sorted(closed.left_out.items(), key=lambda item: -item[1])
+        described = ", ".join(f"{count} {reason.text}" for reason, count in ordered)
+        text = f"{given - len(closed.skeleton)} of {given} branches are left out: {described}"
+        remarks.append(remark("branches-not-in-surface", text))
+    if closed.cage.loose:
+        text = (
+            f"{len(closed.cage.loose)} branches would cross their parent where they join it: "
+            "each begins a closed piece of its own inside it"
+        )
+        remarks.append(remark("branches-beside-parent", text))
+    if closed.thickest_plain_m:
+        text = (
+            f"branches of up to {2000 * closed.thickest_plain_m:.2g} mm across are plain tubes that run out of their "
+            f"parents, so that the surface has {len(closed.cage.faces):,} faces"
+        )
+        remedy = ("give ", Setting(name="branches.max_faces"), " where more may be drawn")
+        remarks.append(remark("branches-plain", text, remedy=remedy))
+    return remarks
