@@ -1,8 +1,9 @@
 """Whether an asset is sound: every validator that is there, over every variant selection, loaded and unloaded.
 
-It runs validators, and holds none: ours are in usd_plugins/usdFoliageValidators. Beside them run those of USD's
-registry, a studio's, and NVIDIA's usd-validation-nvidia where it is installed. A scene that has plants is looked at as
-it is selected, by the registry's validators alone, and without what concerns only a file that others refer to.
+It runs validators: ours are in usd_plugins/usdFoliageValidators, but for what measures the wood. Beside them run those
+of USD's registry, a studio's, and NVIDIA's usd-validation-nvidia where it is installed. A scene that has plants is
+looked at as it is selected, by the registry's validators alone, and without what concerns only a file that others refer
+to.
 """
 
 import itertools
@@ -24,6 +25,7 @@ from usdfoliage.asset.validation.nvidia_rules import nvidia_version, run_nvidia_
 from usdfoliage.asset.validation.studio_profile import StudioProfile, StudioRules
 from usdfoliage.asset.validation.studio_rules import check_composition, check_files
 from usdfoliage.asset.validation.usd_validators import PRESENT, run_usd_validators
+from usdfoliage.asset.validation.wood import check_wood
 from usdfoliage.errors import AssetError
 
 MAX_SELECTIONS = 64  # beyond it the variants of one set are tried while the others stay as they are
@@ -117,14 +119,17 @@ def _validate_interface(
     findings: dict[Finding, list[str]] = {}
     more: dict[Finding, list[str]] = {}
     known = KnownFindings()
+    wood: list[Finding] | None = None
     for selection in selections:
         stage = _compose(root, selection, Usd.Stage.LoadAll)
         for finding in (*run_usd_validators(stage, known), *check_composition(stage, rules)):
             findings.setdefault(finding, []).append(_label(selection))
+        wood = check_wood(stage) if wood is None else wood  # once, for it is the same in all that show it
         for finding in run_nvidia_rules(stage, known):
             more.setdefault(finding, []).append(_label(selection))
     for finding in run_usd_validators(_compose(root, (), Usd.Stage.LoadNone), known):
         findings.setdefault(finding, []).append("unloaded")
+    findings |= {finding: [] for finding in wood or ()}
     reported = {(finding.severity, finding.message) for finding in findings}
     # NVIDIA's package runs some of USD's validators again.
     return findings | {

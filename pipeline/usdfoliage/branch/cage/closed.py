@@ -12,23 +12,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage._native import refine_catmull_clark
 from usdfoliage.branch.cage.build import BranchCage, DroppedBranch, build_branch_cage
 from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.rings import RingMarks
 from usdfoliage.branch.cage.settings import BranchCageSettings
-from usdfoliage.branch.cage.twigs import TwigSettings, count_twig_faces, draw_twigs, mark_twigs, stand_out
+from usdfoliage.branch.cage.twigs import TwigSettings, draw_twigs, mark_twigs, stand_out
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.pruning import prune_branches
 from usdfoliage.branch.rooted_tree import RootedTree
 from usdfoliage.geometry.mesh_pieces import find_pieces
+from usdfoliage.geometry.smooth_mesh import refine_smooth
 
 FEWEST_JOINED = 30  # faces of a branch that is joined
-EACH_JOINED = 75.0  # the same with those on its parent, before it is known
-EACH_RANGE = (30.0, 200.0)  # likewise, at least and at most
-NEARLY = 0.85  # of the faces that there may be, which are enough
-ROUNDS = 6  # of choosing what is joined
-COARSEST = 16.0  # times fewer rings of plain tubes, at most
+EACH_JOINED = 120.0  # by so many it has more faces than as a twig, before it is known
+NEARLY = 0.9  # of the faces that there may be, which are enough
+FEWEST_OF_TWIG = 13  # faces
+ROUNDS = 3  # of choosing what is joined, or left out
+COARSER = (1.0, 1.5, 2.0)  # times fewer rings of twigs
 SHORT_ROUNDS = 4  # of leaving out what ends inside its parent: others then leave from there
 AFLOAT_ROUNDS = 3
 
@@ -90,32 +90,70 @@ def close_branches(
 def _fit_faces(
     skeleton: Skeleton, thickness_m: NDArray[np.float64], max_faces: int, settings: BranchCageSettings
 ) -> tuple[PlainChoice, BranchCage]:
-    """Join as many branches as the number of faces allows; the others are twigs.
+    """Join as many branches as the number of faces allows, the thickest first; the others are twigs.
 
-    Faces are taken to be those of the twigs, so many for each branch that is joined, and what remains; the two numbers
-    follow from what was built before.
+    With all branches as twigs, finer or coarser ones, it is known what is left for joining; at last the thinnest tips
+    are left out.
     """
-    costs = [count_twig_faces(skeleton, TwigSettings(coarser=coarser)) for coarser in _doubled(1.0, COARSEST)]
-    each, rest = EACH_JOINED, 0.0
-    built: list[tuple[int, float]] = []  # branches that were joined, faces without those of twigs
-    best: tuple[PlainChoice, BranchCage] | None = None
-    for _ in range(ROUNDS):
-        choice = _choose_plain(skeleton, thickness_m, costs, max_faces, each, rest)
+    rooted = skeleton.parent_curve < 0
+    none = np.zeros(len(skeleton), bool)
+    for coarser in COARSER:
+        choice = PlainChoice(plain=~rooted, gone=none, twigs=TwigSettings(coarser=coarser))
         cage = build_with_twigs(skeleton, choice, settings)
-        faces = len(cage.faces)
-        if faces <= max_faces and (best is None or faces > len(best[1].faces)):
-            best = choice, cage
-        joined = int((~choice.plain & ~choice.gone).sum())
-        if faces <= max_faces and (faces >= NEARLY * max_faces or joined == len(skeleton)):
+        if len(cage.faces) <= max_faces:
+            return _join_thickest(skeleton, thickness_m, max_faces, settings, (choice, cage))
+    for _ in range(ROUNDS):
+        gone = _thinnest_tips(skeleton, thickness_m, choice.gone, len(cage.faces) - max_faces)
+        choice = replace(choice, plain=~rooted & ~gone, gone=gone)
+        cage = build_with_twigs(skeleton, choice, settings)
+        if len(cage.faces) <= max_faces:
             break
-        of_twigs = costs[_doubled(1.0, COARSEST).index(choice.twigs.coarser)][choice.plain].sum()
-        built.append((joined, float(faces - of_twigs)))
-        if len(built) > 1 and built[-1][0] != built[-2][0]:
-            slope = (built[-1][1] - built[-2][1]) / (built[-1][0] - built[-2][0])
-            each = float(np.clip(slope, *EACH_RANGE))
-        # A little more than was found: the same choice again would be no use.
-        rest = built[-1][1] - each * joined + (0.01 * max_faces if faces > max_faces else 0.0)
-    return best if best is not None else (choice, cage)
+    return choice, cage
+
+
+def _join_thickest(
+    skeleton: Skeleton,
+    thickness_m: NDArray[np.float64],
+    max_faces: int,
+    settings: BranchCageSettings,
+    fits: tuple[PlainChoice, BranchCage],
+) -> tuple[PlainChoice, BranchCage]:
+    """Join the thickest branches for the faces that are left; fits has none that is joined, and comes back if none can
+    be."""
+    each = EACH_JOINED
+    may = np.flatnonzero(skeleton.parent_curve >= 0)
+    ordered_m = np.sort(thickness_m[may])[::-1]
+    best, least = fits, len(fits[1].faces)
+    for _ in range(ROUNDS):
+        wanted = int((max_faces - least) * NEARLY / each)
+        if wanted <= 0 or not len(may):
+            break
+        # Of branches of one thickness all are twigs or none, so that what a twig carries is one.
+        thinnest_m = ordered_m[min(wanted, len(may)) - 1]
+        plain = (skeleton.parent_curve >= 0) & (thickness_m < thinnest_m)
+        choice = replace(fits[0], plain=plain)
+        cage = build_with_twigs(skeleton, choice, settings)
+        joined = int((~plain[may]).sum())
+        if len(cage.faces) <= max_faces:
+            if len(cage.faces) > len(best[1].faces):
+                best = choice, cage
+            if joined == len(may) or len(cage.faces) >= NEARLY * max_faces:
+                break
+        each = max((len(cage.faces) - least) / joined, 1.0)
+    return best
+
+
+def _thinnest_tips(
+    skeleton: Skeleton, thickness_m: NDArray[np.float64], gone: NDArray[np.bool_], faces: int
+) -> NDArray[np.bool_]:
+    """(B,) branches that are left out for so many faces fewer, the thinnest first, with those that are gone already."""
+    order = np.argsort(np.where((skeleton.parent_curve < 0) | gone, np.inf, thickness_m), kind="stable")
+    more = min(int(np.ceil(faces / FEWEST_OF_TWIG)), int((~gone & (skeleton.parent_curve >= 0)).sum()))
+    left_out = gone.copy()
+    left_out[order[:more]] = True
+    for branch in np.flatnonzero(skeleton.parent_curve >= 0).tolist():  # parents first: of one thickness it may be one
+        left_out[branch] |= left_out[skeleton.parent_curve[branch]]
+    return left_out
 
 
 def build_with_twigs(
@@ -156,7 +194,7 @@ def build_with_twigs(
     owner[drawn.face_st[len(cage.faces) :]] = drawn.curve[len(cage.faces) :, None]
     of_twigs = np.arange(len(st_m)) >= len(cage.st_m)
     st_m[of_twigs, 1] -= pruned.prefix_m[owner[of_twigs]]
-    return replace(
+    numbered = replace(
         drawn,
         st_m=st_m,
         curve=kept[drawn.curve].astype(np.int32),
@@ -165,6 +203,7 @@ def build_with_twigs(
         loose=tuple(sorted({*cage.loose, *kept[list(drawn.loose)].tolist()} if drawn.loose else cage.loose)),
         dropped=_sorted(reasons),
     )
+    return _only_used(numbered)
 
 
 def find_afloat(closed: ClosedBranches, nearest_m: float = 0.0) -> NDArray[np.bool_]:
@@ -173,20 +212,8 @@ def find_afloat(closed: ClosedBranches, nearest_m: float = 0.0) -> NDArray[np.bo
     lost = np.zeros(len(skeleton), bool)
     if not len(cage.faces):
         return lost
-    none = np.zeros(0, np.int32)
-    limit = refine_catmull_clark(
-        cage.points_m,
-        np.full(len(cage.faces), 4, np.int32),
-        cage.faces.astype(np.int32).ravel(),
-        crease_edges=none.reshape(0, 2),
-        crease_sharpness=none.astype(np.float32),
-        corner_vertices=none,
-        corner_sharpness=none.astype(np.float32),
-        levels=1,
-        limit=True,
-    )
-    faces = limit.faces.reshape(-1, 4)
-    pieces = find_pieces(limit.points, faces, skeleton.points_m[skeleton.first[skeleton.parent_curve < 0]])
+    points_m, faces = refine_smooth(cage.points_m, cage.faces, 1)
+    pieces = find_pieces(points_m, faces, skeleton.points_m[skeleton.first[skeleton.parent_curve < 0]])
     afloat = np.zeros(len(pieces.gap_m), bool)
     afloat[pieces.afloat(nearest_m)] = True
     lost[np.repeat(cage.curve, 4)[afloat[pieces.of_point[faces[:, 0]]]]] = True
@@ -255,7 +282,7 @@ def _without(closed: ClosedBranches, lost: NDArray[np.bool_]) -> ClosedBranches:
     return replace(
         closed,
         skeleton=skeleton.only(~gone),
-        cage=_only_faces(
+        cage=_only_used(
             replace(
                 cage,
                 faces=cage.faces[stays],
@@ -273,8 +300,8 @@ def _without(closed: ClosedBranches, lost: NDArray[np.bool_]) -> ClosedBranches:
     )
 
 
-def _only_faces(cage: BranchCage) -> BranchCage:
-    """The points, rings and texture coordinates that faces use."""
+def _only_used(cage: BranchCage) -> BranchCage:
+    """A cage with the points, rings and texture coordinates that its faces use."""
     used, faces = np.unique(cage.faces, return_inverse=True)
     used_st, face_st = np.unique(cage.face_st, return_inverse=True)
     return replace(
@@ -294,57 +321,6 @@ def thickest_above(skeleton: Skeleton) -> NDArray[np.float64]:
     for level in reversed(tree.levels[1:]):
         np.maximum.at(thickest_m, skeleton.parent_curve[level], thickest_m[level])
     return np.asarray(thickest_m)
-
-
-def _choose_plain(
-    skeleton: Skeleton,
-    thickness_m: NDArray[np.float64],
-    costs: list[NDArray[np.int64]],
-    max_faces: int,
-    each: float,
-    rest: float,
-) -> PlainChoice:
-    """As few twigs as the number of faces allows, the thinnest branches first; then coarser ones; at last the thinnest
-    tips are left out.
-
-    Args:
-        skeleton: B branches.
-        thickness_m: (B,), of each branch with all that it carries.
-        costs: Faces (B,) of each as a twig, finer and coarser.
-        max_faces: That there may be.
-        each: Faces of a branch that is joined.
-        rest: Faces beside these.
-    """
-    count = len(skeleton)
-    none = np.zeros(count, bool)
-    rooted = skeleton.parent_curve < 0
-    order = np.argsort(np.where(rooted, np.inf, thickness_m), kind="stable")
-    may = int(count - rooted.sum())
-    levels = _doubled(1.0, COARSEST)
-    for coarser, faces in zip(levels, costs, strict=True):
-        joined = count - np.arange(may + 1)
-        total = np.concatenate([[0], np.cumsum(faces[order[:may]])]) + each * joined + rest
-        enough = np.flatnonzero(total <= max_faces)
-        if len(enough):
-            # Of branches of one thickness all are twigs, so that what a twig carries is one.
-            thinnest_m = thickness_m[order[enough[0] - 1]] if enough[0] else -1.0
-            plain = ~rooted & (thickness_m <= thinnest_m)
-            return PlainChoice(plain=plain, gone=none, twigs=TwigSettings(coarser=coarser))
-    plain = ~rooted
-    room = max(max_faces - each * rooted.sum() - rest, 0)
-    thickest_first = order[:may][::-1]
-    gone = none.copy()
-    gone[thickest_first[np.cumsum(costs[-1][thickest_first]) > room]] = True
-    for branch in np.flatnonzero(~rooted).tolist():  # parents first: of one thickness a parent may be gone
-        gone[branch] |= gone[skeleton.parent_curve[branch]]
-    return PlainChoice(plain=plain & ~gone, gone=gone, twigs=TwigSettings(coarser=COARSEST))
-
-
-def _doubled(first: float, last: float) -> list[float]:
-    values = [first]
-    while values[-1] < last:
-        values.append(2 * values[-1])
-    return values
 
 
 def _sorted(reasons: Mapping[int, DropReason]) -> tuple[DroppedBranch, ...]:

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdfoliage._native import refine_catmull_clark
 from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.model import Skeleton
+from usdfoliage.geometry.smooth_mesh import refine_smooth
 
 THICKEST = 0.8  # of the radius of what a piece springs from, where it begins
 GROWTH = 0.3  # of its radius, for a length, from there on
@@ -57,18 +57,8 @@ class StandingWood:
         if not len(near):
             return None
         used, corners = np.unique(self.faces[near], return_inverse=True)
-        refined = refine_catmull_clark(
-            self.points_m[used],
-            np.full(len(near), 4, np.int32),
-            corners.astype(np.int32).ravel(),
-            crease_edges=np.zeros((0, 2), np.int32),
-            crease_sharpness=np.zeros(0, np.float32),
-            corner_vertices=np.zeros(0, np.int32),
-            corner_sharpness=np.zeros(0, np.float32),
-            levels=_LEVELS,
-            limit=True,
-        )
-        around = refined.points[refined.faces.reshape(-1, 4)]
+        refined_m, quads = refine_smooth(self.points_m[used], corners.reshape(-1, 4), _LEVELS)
+        around = refined_m[quads]
         at_m = around.mean(axis=1)
         normal = np.cross(around[:, 2] - around[:, 0], around[:, 3] - around[:, 1])
         nearest = np.asarray(cKDTree(at_m).query(places_m)[1])

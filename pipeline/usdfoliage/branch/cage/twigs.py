@@ -31,8 +31,9 @@ MIN_STUB = 0.3  # of its radius, that a twig must stand out at least
 BEHIND = 1.2  # of the radius of what a twig goes on from, that a piece begins behind the tip of that
 CLEAR = 0.5  # of its radius, between the parent's surface and a twig's first ring
 STEEPEST = 2.0  # cotangent of the angle to the parent, up to which that is more where a twig leaves at an angle
-SAGITTA = 0.5  # radii: how far a straight line from ring to ring may be from the axis
+SAGITTA = 0.4  # radii: how far a straight line from ring to ring may be from the axis
 LONGEST = 60.0  # radii, from ring to ring
+CLOSE = 0.4  # radii, between the rings of a piece where it comes out
 NEAREST = 0.3  # radii: rings keep this distance, but for the one beside the tip
 ROUNDS = 5  # of moving the limit
 CAP_GAIN = 0.2  # a cap's edge is round, too
@@ -85,14 +86,6 @@ def stand_out(skeleton: Skeleton, exits: Exits | None = None) -> NDArray[np.bool
     exits = exits or axis_exits(skeleton)
     tip_m = skeleton.radius_m[skeleton.first + skeleton.counts - 1]
     return np.asarray(skeleton.lengths_m > exits.arc_m + MIN_STUB * tip_m)
-
-
-def count_twig_faces(skeleton: Skeleton, settings: TwigSettings = TwigSettings()) -> Ints:
-    """(B,) about so many faces as each branch has as a twig, with those that it adds to its parent."""
-    measure = _measure(skeleton, settings)
-    last = skeleton.first + skeleton.counts - 1
-    rows = np.maximum(1, np.ceil(measure[last] - measure[skeleton.first])).astype(np.int64) + 2
-    return SIDES * rows + 10
 
 
 def mark_twigs(skeleton: Skeleton, plain: NDArray[np.bool_], exits: Exits | None = None) -> RingMarks:
@@ -257,6 +250,12 @@ def _place_rings(
     inside = (marked_m > start_of[marked]) & (marked_m < skeleton.lengths_m[marked])
     curve = np.concatenate([curves[of], curves, marked[inside]])
     arc_m = np.concatenate([arc_m, beside_m, marked_m[inside]])
+    # Where a piece comes out of its parent, rings stand close, so that its surface is near the other there.
+    alone = np.flatnonzero(~drawn)
+    close_m = exits.arc_m[curves[alone]] + CLOSE * np.array([[-1.0], [1.0]]) * start.between(skeleton.radius_m)[alone]
+    real = ((close_m > 0) & (close_m < beside_m[alone])).reshape(-1)
+    curve = np.concatenate([curve, np.tile(curves[alone], 2)[real]])
+    arc_m = np.concatenate([arc_m, close_m.reshape(-1)[real]])
     place = places_at(skeleton, curve, arc_m)
     center_m, radius_m = place.between(skeleton.points_m), place.between(skeleton.radius_m)
     springs = curves[~drawn & (skeleton.parent_curve[curves] >= 0)]

@@ -12,7 +12,9 @@ from usdfoliage.branch.distances import distances_to_cloud, distances_to_surface
 from usdfoliage.branch.growth.importance import weigh_points
 from usdfoliage.branch.internodes import measure_internode_m
 from usdfoliage.branch.tracing.reconstruct import TracedBranches
+from usdfoliage.branch.whole_wood import measure_wholeness
 from usdfoliage.errors import PreviewError
+from usdfoliage.geometry.smooth_mesh import refine_smooth
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
 from usdfoliage.jobs.report.cloud_pictures import (
     Direction,
@@ -100,7 +102,16 @@ def branch_rows(
         ),
         *([_exponent_row(traced, grown)] if has_circles else []),
         Row(name="cage", value=f"{len(cage.faces):,} faces", remark="Catmull–Clark, closed, all quads"),
+        _whole_row(traced, cage),
     ]
+
+
+def _whole_row(traced: TracedBranches, cage: BranchCage) -> Row:
+    """Whether the surface is in one piece."""
+    points_m, faces = refine_smooth(cage.points_m, cage.faces, 1) if len(cage.faces) else (cage.points_m, cage.faces)
+    found = measure_wholeness(traced.skeleton, points_m, faces)
+    value = f"{found.pieces} pieces, {found.afloat} afloat"
+    return Row(name="wood", value=value, remark=f"{100 * found.bare:.2g} % of the axes' length without surface")
 
 
 def _exponent_row(traced: TracedBranches, grown: bool) -> Row:

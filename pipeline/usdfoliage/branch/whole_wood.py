@@ -1,0 +1,79 @@
+"""Whether the wood of a plant is in one piece: what of its surface is afloat, and what of its axes is bare."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage.branch.distances import place_on_axes
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.geometry.mesh_pieces import find_pieces
+
+AFLOAT_M = 0.002  # from all other pieces: what is nearer lets no light pass
+BARE = 2.0  # radii from an axis, within which there must be surface
+BARE_EDGES = 1.5  # or so many edges of the surface
+PLACES = 4  # on each radius of the thinnest branch would be too many: on each segment so many
+
+
+@dataclass(frozen=True, kw_only=True)
+class WoodWholeness:
+    """Figures of the wood of a plant."""
+
+    pieces: int  # of the surface, that share no corner
+    afloat: int  # pieces without a root that stand off all others
+    widest_gap_m: float  # of those
+    bare: float  # share of the length of all axes that has no surface
+
+
+def measure_wholeness(skeleton: Skeleton, points_m: NDArray[np.float64], faces: NDArray[np.integer]) -> WoodWholeness:
+    """Measure the surface of branches, and how it covers their axes.
+
+    Args:
+        skeleton: All branches; metres.
+        points_m: (P, 3), of the surface as it is drawn.
+        faces: (F, 3) or (F, 4).
+    """
+    roots_m = skeleton.points_m[skeleton.first[skeleton.parent_curve < 0]]
+    pieces = find_pieces(points_m, faces, roots_m, AFLOAT_M / 2)
+    used = np.zeros(len(points_m), bool)
+    used[faces] = True
+    afloat = pieces.afloat(AFLOAT_M)
+    gaps_m = pieces.gap_m[afloat]
+    return WoodWholeness(
+        pieces=len(np.unique(pieces.of_point[used])),
+        afloat=len(afloat),
+        widest_gap_m=float(gaps_m[np.isfinite(gaps_m)].max(initial=0)),
+        bare=_bare_share(skeleton, points_m, np.asarray(faces), used),
+    )
+
+
+def _bare_share(
+    skeleton: Skeleton, points_m: NDArray[np.float64], faces: NDArray[np.integer], used: NDArray[np.bool_]
+) -> float:
+    """What of the axes' length is farther from the surface than it may be, and in no thicker branch."""
+    if not used.any():
+        return 1.0
+    edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    length_m = np.linalg.norm(points_m[edges[:, 0]] - points_m[edges[:, 1]], axis=1)
+    around = np.maximum(np.bincount(edges[:, 0], minlength=len(points_m)), 1)
+    edge_m = np.bincount(edges[:, 0], length_m, len(points_m)) / around
+    step_m = max(float(skeleton.lengths_m.sum()) / (PLACES * len(skeleton.points_m)), 1e-9)
+    places = place_on_axes(skeleton, step_m)
+    back = np.flatnonzero(used)
+    away_m, nearest = (np.asarray(each) for each in cKDTree(points_m[back]).query(places.points_m, workers=-1))
+    off = away_m > np.maximum(BARE * places.radius_m, BARE_EDGES * edge_m[back[nearest]])
+    own = np.flatnonzero(off)
+    if len(own):  # within thicker wood nothing is to be seen
+        size = np.floor(np.log2(places.radius_m))
+        for each in np.unique(size):
+            some = np.flatnonzero(size == each)
+            apart_m, found = (
+                np.asarray(one) for one in cKDTree(places.points_m[some]).query(places.points_m[own], workers=-1)
+            )
+            thicker_m = places.radius_m[some[found]]
+            off[own[(apart_m < 1.1 * thicker_m) & (thicker_m > places.radius_m[own])]] = False
+    # Every place stands for as much of its segment as the others of it.
+    ends_m = np.linalg.norm(skeleton.points_m[places.vertex + 1] - skeleton.points_m[places.vertex], axis=1)
+    shares_m = ends_m / np.bincount(places.vertex)[places.vertex]
+    return float(shares_m[off].sum() / max(float(shares_m.sum()), 1e-300))
