@@ -34,6 +34,16 @@ def test_a_foot_below_a_crown_whose_trunk_was_not_seen_stays(rng):
     assert not find_outliers(points_m).any()
 
 
+@pytest.mark.parametrize(("beside_m", "flat", "stays"), [(1.2, False, True), (3.0, False, False), (1.2, True, False)])
+def test_the_foot_of_a_trunk_that_leans_stays_beside_the_crown(rng, beside_m, flat, stays):
+    """A gap of 1.4 m is above it: upright it stands up to half of that beside the crown, which ends at 0.7 m."""
+    foot = np.column_stack([np.zeros(40), np.linspace(0, 0.4, 40), np.zeros(40)])
+    if flat:
+        foot = foot[:, [1, 0, 2]]
+    points_m = np.concatenate([plant(rng)[200:], np.add(foot, [beside_m, 0, 0])])
+    assert find_outliers(points_m).any() != stays
+
+
 def test_another_plant_is_no_outlier(rng):
     assert not find_outliers(np.concatenate([plant(rng), plant(rng) + np.array([4.0, 0, 0])])).any()
 

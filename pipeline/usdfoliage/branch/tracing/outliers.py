@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from usdfoliage.geometry.point_cells import touching_parts
 
 _TOP, _EDGE = 0.999, 0.995  # shares of the points that are lower than the top, and nearer than the edge
+_LEAN = 0.5  # of the gap above a piece of trunk, that it stands beside the crown at most
 _FEW = 100  # points, which show no crown
 
 
@@ -45,9 +46,17 @@ def find_outliers(points_m: NDArray[np.float64], settings: OutlierSettings = Out
     piece = touching_parts(points_m, gap_m)
     counts = np.bincount(piece)
     largest = int(counts.argmax())
-    plant = points_m[piece == largest][:, [0, 2]]
+    crown_m = points_m[piece == largest]
+    plant = crown_m[:, [0, 2]]
     middle_m = np.column_stack([np.bincount(piece, points_m[:, axis]) / counts for axis in (0, 2)])
-    outside = ((middle_m < plant.min(axis=0)) | (middle_m > plant.max(axis=0))).any(axis=1)
+    # A trunk that leans may have its foot beside the crown, farther the higher the gap above it is.
+    high_m, low_m = np.full((len(counts), 3), -np.inf), np.full((len(counts), 3), np.inf)
+    np.maximum.at(high_m, piece, points_m)
+    np.minimum.at(low_m, piece, points_m)
+    size_m = high_m - low_m
+    upright = size_m[:, 1] >= np.maximum(size_m[:, 0], size_m[:, 2])
+    lean_m = np.where(upright, _LEAN * np.maximum(crown_m[:, 1].min() - high_m[:, 1], 0), 0.0)[:, None]
+    outside = ((middle_m < plant.min(axis=0) - lean_m) | (middle_m > plant.max(axis=0) + lean_m)).any(axis=1)
     return np.asarray((outside & (counts < settings.max_points * counts[largest]))[piece])
 
 
