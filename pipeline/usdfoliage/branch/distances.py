@@ -66,6 +66,23 @@ def distances_to_surface(points_m: NDArray[np.float64], skeleton: Skeleton, step
     return nearest_m
 
 
+def near_surface(points_m: NDArray[np.float64], skeleton: Skeleton, near_m: float) -> NDArray[np.bool_]:
+    """(N,) points (N, 3) within near_m of the surface of a branch, or inside one."""
+    places_m, radii_m, _ = sample_axes(skeleton, near_m)
+    come, left = np.zeros(len(points_m), bool), np.arange(len(points_m))
+    size = np.ceil(np.log2(radii_m))
+    for each in np.unique(size)[::-1]:  # twigs are nearer to the bark of a thick branch than its axis is
+        some = size == each
+        farthest_m = near_m + 2.0**each
+        found = cKDTree(places_m[some]).query(points_m[left], distance_upper_bound=farthest_m, workers=-1)
+        away_m, near = (np.asarray(each) for each in found)
+        within = np.isfinite(away_m)
+        within[within] = away_m[within] - radii_m[some][near[within]] <= near_m
+        come[left[within]] = True
+        left = left[~within]
+    return come
+
+
 def distances_to_cloud(skeleton: Skeleton, points_m: NDArray[np.float64], step_m: float) -> NDArray[np.float64]:
     """(K,) from places spread over the surface of all branches, weighed evenly along them, to the nearest point."""
     places_m, radii_m, direction = sample_axes(skeleton, step_m)

@@ -1,14 +1,24 @@
 """Growth towards points whose places decide what must grow."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from usdfoliage.branch.distances import distances_to_surface, near_surface
 from usdfoliage.branch.growth.grow import grow_branches, seed_plants
 from usdfoliage.branch.growth.logistic import LogisticSettings
-from usdfoliage.branch.growth.regrowth import RegrowthSettings, draw_to_axes, fill_hidden, regrow, vary_growth
+from usdfoliage.branch.growth.regrowth import (
+    RegrowthSettings,
+    draw_to_axes,
+    fill_hidden,
+    find_feet,
+    regrow,
+    vary_growth,
+)
 from usdfoliage.branch.growth.settings import GrowthSettings
 
 from tests.support.branch_clouds import line
-from tests.support.branch_shapes import fork
+from tests.support.branch_shapes import fork, plant_of
 
 INTERNODE_M = 0.05
 PLAIN = GrowthSettings(internode_m=INTERNODE_M, tropism=0.0, logistic=LogisticSettings(longest=40))
@@ -152,9 +162,93 @@ def test_a_trunk_is_grown_along_its_axis():
     np.testing.assert_allclose(drawn_m[:, [0, 2]], 0, atol=1e-9)
     np.testing.assert_allclose(drawn_m[:, 1], height, atol=1e-9)
     np.testing.assert_array_equal(draw_to_axes(bark_m, trunk, 0.2), bark_m)
-    np.testing.assert_array_equal(draw_to_axes(2 * bark_m, trunk, 0.025), 2 * bark_m)
+    away_m = 2 * bark_m
+    above_foot = away_m[:, 1] > 0.4  # below it a stem may flare
+    drawn_m = draw_to_axes(away_m, trunk, 0.025)
+    np.testing.assert_array_equal(drawn_m[above_foot], away_m[above_foot])
+    assert (drawn_m[~above_foot] != away_m[~above_foot]).any()
     grown = regrow(bark_m, np.zeros((1, 3)), 0.1, PLAIN, stems=trunk).skeleton
     assert len(grown) == 1
+
+
+def test_bark_at_a_bend_and_around_a_thin_branch_inside_is_of_the_trunk():
+    trunk = plant_of(
+        ([[0, 0, 0], [0, 0.5, 0], [0, 1, 0], [0.3, 2, 0]], 0.1, None, None),
+        ([[0, 0.5, 0], [0.08, 0.55, 0]], [0.03, 0.03], 0, 1),
+    )
+    turn = np.linspace(0, 2 * np.pi, 36, endpoint=False)
+    ring_m = 0.1 * np.column_stack([np.cos(turn), 0 * turn, np.sin(turn)])
+    outside_bend_m = np.array([[-0.1, 1.02, 0.0]])  # beyond the end of the lower piece, and below the upper one's
+    bark_m = np.concatenate([np.add(ring_m, [0, 0.55, 0]), outside_bend_m])
+    drawn_m = draw_to_axes(bark_m, trunk, 0.01)
+    np.testing.assert_allclose(drawn_m[:-1, [0, 2]], 0, atol=1e-9)
+    assert np.linalg.norm(drawn_m[-1] - [0, 1, 0]) < 0.03
+
+
+def test_a_plant_is_as_thick_as_the_stem_that_it_grows_along():
+    """By allometry the trunk would be thin below the twigs that it ends in."""
+    points_m = np.concatenate([line([0, 0, 0], [0, 2, 0], 201), ball([0, 2.3, 0], 0.3, 400)])
+    trunk = seed_plants(np.zeros((1, 3)), 2.0, 0.1)
+    plain = regrow(points_m, np.zeros((1, 3)), 0.1, PLAIN).skeleton
+    seen = regrow(points_m, np.zeros((1, 3)), 0.1, PLAIN, stems=trunk).skeleton
+    for skeleton, thick in ((plain, False), (seen, True)):
+        low = (skeleton.points_m[:, 1] < 1.6) & (skeleton.order[skeleton.curve] == 0)
+        assert (skeleton.radius_m[low].min() > 0.0999) == thick
+    assert seen.radius_m.min() < 0.01
+
+
+def test_a_seed_stands_on_the_axis_of_the_stem_that_a_root_is_on_the_bark_of():
+    trunk = seed_plants(np.array([[0.0, 0.05, 0.0]]), 2.0, 0.1)
+    np.testing.assert_allclose(
+        find_feet(np.array([[0.1, 0.0, 0.0], [0.5, 0.0, 0.0]]), trunk), [[0, 0, 0], [0.5, 0, 0]], atol=1e-12
+    )
+
+
+GAPS = replace(PLAIN, max_gap_m=1.0)
+
+
+@pytest.mark.parametrize("apart_m", [0.3, 0.9])
+def test_a_trunk_of_points_far_apart_is_grown_along_to_its_crown(apart_m):
+    trunk_m = line([0, 0, 0], [0, 1.8, 0], round(1.8 / apart_m) + 1)
+    points_m = np.concatenate([trunk_m, ball([0, 2.3, 0], 0.5, 4000)])
+    stopped = regrow(points_m, np.zeros((1, 3)), 0.03, PLAIN, near_m=0.15)
+    assert stopped.reached.mean() < 0.5
+    grown = regrow(points_m, np.zeros((1, 3)), 0.03, GAPS, near_m=0.15)
+    assert grown.reached.mean() > 0.98
+    assert grown.reached[: len(trunk_m)].all()
+    foot = grown.skeleton.points_m[:, 1] < 1.6
+    np.testing.assert_allclose(grown.skeleton.points_m[foot][:, [0, 2]], 0, atol=0.06)
+
+
+def test_a_gap_in_a_trunk_is_crossed_up_to_the_widest_that_is_allowed():
+    low_m, high_m = line([0, 0, 0], [0, 0.5, 0], 51), line([0.1, 1.2, 0], [0.1, 2, 0], 81)
+    points_m = np.concatenate([low_m, high_m])
+    for max_gap_m, crosses in ((0.9, True), (0.5, False)):
+        settings = replace(PLAIN, max_gap_m=max_gap_m)
+        grown = regrow(points_m, np.zeros((1, 3)), 0.03, settings, near_m=0.1)
+        assert grown.reached[: len(low_m)].all()
+        assert grown.reached[len(low_m) :].all() == crosses
+        assert len(grown.skeleton) == 1
+
+
+def test_points_close_together_are_come_near_to():
+    """From as far as three internodes a flat leaf would be used up by a shoot along its edge."""
+    points_m = np.concatenate([line([0, 0, 0], [0, 1, 0], 51), ball([0, 1.3, 0], 0.3, 20_000)])
+    for max_kill_m, comes in ((np.inf, False), (0.035, True)):
+        settings = replace(PLAIN, max_kill_m=max_kill_m)
+        skeleton = regrow(points_m, np.zeros((1, 3)), 0.03, settings).skeleton
+        away_m = distances_to_surface(points_m, skeleton, 0.02)
+        assert ((away_m < 0.05).mean() > 0.95) == comes
+
+
+def test_what_is_inside_a_thick_branch_is_reached_whatever_twigs_are_near():
+    skeleton = plant_of(
+        ([[0, 0, 0], [0, 1, 0], [0, 2, 0]], 0.3, None, None),
+        ([[0, 1, 0], [0.31, 1, 0]], 0.001, 0, 1),
+    )
+    bark_m = np.array([[0.3 * np.cos(turn), 1.0, 0.3 * np.sin(turn)] for turn in np.linspace(0, 1, 20)])
+    assert near_surface(bark_m, skeleton, 0.02).all()
+    assert not near_surface(1.2 * bark_m, skeleton, 0.02)[5:].any()
 
 
 def test_variations_are_near_and_differ():

@@ -4,7 +4,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given
-from usdfoliage.branch.growth.logistic import LogisticSettings, growth_units, longest_path
+from usdfoliage.branch.growth.logistic import LogisticSettings, cycles_until, growth_units, longest_path
 
 
 def test_the_paper_s_plant_begins_at_2_m_and_ends_at_10():
@@ -16,6 +16,15 @@ def test_the_paper_s_plant_begins_at_2_m_and_ends_at_10():
     assert longest_path(half, settings) == pytest.approx(100)
     assert growth_units(half, settings) == pytest.approx(0.3 * 200 / 4)
     assert growth_units(half + np.array([-1.0, 1.0]), settings).max() < growth_units(half, settings)
+
+
+@pytest.mark.parametrize(("share", "cycles"), [(0.0, 0), (0.2, 0), (0.5, 4), (1.0, 35)])
+def test_the_cycles_until_a_share_is_reached_are_those_of_the_longest_path(share, cycles):
+    settings = LogisticSettings(longest=200.0, initial_share=0.2)
+    assert cycles_until(share, settings) == cycles
+    assert longest_path(cycles, settings) <= 200 * max(share, 0.2) + 1e-9
+    if 0.2 < share < 1:
+        assert longest_path(cycles + 1, settings) > 200 * share
 
 
 @given(

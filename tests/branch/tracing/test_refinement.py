@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as examples
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.tracing.refinement import RefinementSettings, collapse_nodes, round_bends
+from usdfoliage.branch.tracing.refinement import RefinementSettings, collapse_nodes, round_bends, split_edges
 
 from tests.support.branch_clouds import line
 from tests.support.branch_shapes import plant_of, random_tree
@@ -41,6 +41,21 @@ def corner(angle_deg: float, legs_m=(1.0, 1.0)) -> Skeleton:
     turn = np.radians(angle_deg)
     end_m = [legs_m[1] * np.sin(turn), legs_m[0] + legs_m[1] * np.cos(turn), 0]
     return plant_of((np.array([[0, 0, 0], [0, legs_m[0], 0], end_m]), np.array([0.03, 0.02, 0.01]), None, 0))
+
+
+def test_long_edges_are_split_evenly_and_what_springs_from_their_ends_still_does():
+    plant = plant_of(
+        ([[0, 0, 0], [0, 1, 0], [0, 1.1, 0]], [0.2, 0.1, 0.1], None, None),
+        ([[0, 1, 0], [0.5, 1, 0]], 0.05, 0, 1),
+    )
+    split = split_edges(plant, np.array([0.3, 0.3, 0.3, 0.2, 0.2]))
+    np.testing.assert_array_equal(split.counts, [6, 4])
+    np.testing.assert_allclose(split.points_m[:6, 1], [0, 0.25, 0.5, 0.75, 1, 1.1])
+    np.testing.assert_allclose(split.radius_m[:6], [0.2, 0.175, 0.15, 0.125, 0.1, 0.1])
+    np.testing.assert_allclose(split.points_m[6:, 0], [0, 1 / 6, 1 / 3, 0.5])
+    np.testing.assert_array_equal(split.parent_vertex, [-1, 4])
+    whole = split_edges(plant, np.full(5, 2.0))
+    np.testing.assert_array_equal(whole.points_m, plant.points_m)
 
 
 def test_of_a_straight_branch_the_ends_and_the_forks_stay():

@@ -5,7 +5,7 @@ colonisation after W. Palubicki et al., Self-organizing tree models for image sy
 that several buds see each goes to the nearest: ours.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +100,18 @@ def aim_buds(plant: GrowingPlant, points_m: NDArray[np.float64], influence_m: fl
     return Aims(node=node, heading=heading, bud=bud, apical=len(plant.tip))
 
 
+def nearest_aims(plant: GrowingPlant, points_m: NDArray[np.float64], aims: Aims, times: float) -> Aims:
+    """The aims at points (M, 3) without those that are farther from their bud than its nearest one so many times."""
+    seen = np.flatnonzero(aims.bud >= 0)
+    bud = aims.bud[seen]
+    away_m = np.linalg.norm(points_m[seen] - plant.tree.position_m[aims.node[bud]], axis=1)
+    nearest_m = np.full(len(aims.node), np.inf)
+    np.minimum.at(nearest_m, bud, away_m)
+    left = aims.bud.copy()
+    left[seen[away_m > times * nearest_m[bud]]] = -1
+    return replace(aims, bud=left)
+
+
 def grow_shoots(
     plant: GrowingPlant,
     points_m: NDArray[np.float64],
@@ -122,7 +134,8 @@ def grow_shoots(
     at_m = plant.tree.position_m[aims.node[growing]]
     heading = aims.heading[growing]
     distance_m = np.linalg.norm(middle_m - at_m, axis=1)
-    length = np.clip(np.rint(distance_m / settings.internode_m), 1, max(1, np.floor(units))).astype(np.int64)
+    full = np.maximum(np.rint(distance_m / settings.internode_m), 1)
+    length = np.minimum(full, max(1, np.floor(units))).astype(np.int64)
     axes = len(plant.tree.fork)
     lateral = growing >= aims.apical
     axis = growing.copy()

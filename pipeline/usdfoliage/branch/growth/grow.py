@@ -13,12 +13,15 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.branch.allometry import grow_radii
-from usdfoliage.branch.growth.buds import GrowingPlant, aim_buds, grow_shoots, sprout
-from usdfoliage.branch.growth.logistic import growth_units, longest_path
+from usdfoliage.branch.growth.buds import GrowingPlant, aim_buds, grow_shoots, nearest_aims, sprout
+from usdfoliage.branch.growth.logistic import cycles_until, growth_units, longest_path
 from usdfoliage.branch.growth.node_tree import NodeTree, as_skeleton, node_tree
+from usdfoliage.branch.growth.seen_stems import SeenStems, take_seen_radii
 from usdfoliage.branch.growth.settings import GrowthSettings
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
+
+_WIDER = 1.5  # times the nearest point's distance, how far a bud looks across a gap
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,6 +56,7 @@ def grow_branches(
     settings: GrowthSettings,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
+    stems: SeenStems | None = None,
 ) -> GrownBranches:
     """Grow branches from all buds of a skeleton towards points, until none is in reach.
 
@@ -63,6 +67,7 @@ def grow_branches(
         settings: How.
         seed: Of the turn at which each branch's phyllotaxy begins.
         progress: Called with how far growth is, 0 to 1.
+        stems: That were seen: along these branches are as thick as they are.
 
     Raises:
         ValueError: Points and weights are not as many.
@@ -73,30 +78,45 @@ def grow_branches(
     plant = sprout(node_tree(start, settings.internode_m), rng)
     waiting = np.arange(len(points_m))
     reached = np.zeros(len(points_m), bool)
-    cycle, shed = 0, 0
+    cycle, age, shed = 0, 0, 0
+    fresh_m = plant.tree.position_m  # nodes that no point was compared with
+    wide = False
     while cycle < settings.max_cycles:
-        units = float(growth_units(cycle, settings.logistic))
-        older = longest_path(cycle, settings.logistic) > 0.5 * settings.logistic.longest  # growth becomes slower
+        units = float(growth_units(age, settings.logistic))
         influence_m = max(units, settings.min_reach) * settings.internode_m
-        kill_m = min(settings.kill * influence_m, settings.max_kill * settings.internode_m)
-        near_m = cKDTree(plant.tree.position_m).query(points_m[waiting], distance_upper_bound=kill_m, workers=-1)[0]
+        kill_m = min(settings.kill * influence_m, settings.max_kill * settings.internode_m, settings.max_kill_m)
+        near_m = cKDTree(fresh_m).query(points_m[waiting], distance_upper_bound=kill_m, workers=-1)[0]
         used = np.isfinite(near_m)
         reached[waiting[used]] = True
         waiting = waiting[~used]
         if not len(waiting):
             break
         before = len(plant.tree)
-        aims = aim_buds(plant, points_m[waiting], influence_m, settings)
-        plant = grow_shoots(plant, points_m[waiting], weights[waiting], aims, units, cycle, settings, rng)
-        grew = len(plant.tree) > before
-        plant, gone = _shed(plant, len(start), cycle, settings)
-        shed += gone
+        if wide:
+            plant = _cross_gaps(plant, points_m[waiting], weights[waiting], influence_m, cycle, settings, rng)
+        else:
+            aims = aim_buds(plant, points_m[waiting], influence_m, settings)
+            plant = grow_shoots(plant, points_m[waiting], weights[waiting], aims, units, cycle, settings, rng)
+        fresh_m = plant.tree.position_m[before:]
+        grew = len(fresh_m) > 0
+        if cycle % settings.rest == 0:
+            plant, gone = _shed(plant, len(start), cycle, settings)
+            shed += gone
         cycle += 1
-        if not grew and older:
+        age += not wide
+        # As the plant becomes older its shoots become shorter: what no bud sees then only a wider look finds.
+        older = longest_path(age, settings.logistic) > 0.5 * settings.logistic.longest
+        lacks = len(waiting) > settings.max_unreached * len(points_m)
+        if not grew and (wide or (older and not (settings.max_gap_m > 0 and lacks))):
             break
+        if wide and grew:  # as young as a plant that fills such a share of the points
+            age = min(age, cycles_until(1 - len(waiting) / len(points_m), settings.logistic))
+        wide = not grew and settings.max_gap_m > 0 and lacks
         if progress:
             progress(1 - len(waiting) / len(points_m))
     plant, gone = _shed(plant, len(start), cycle + settings.rest, settings)
+    if stems is not None:
+        plant = replace(plant, tree=take_seen_radii(plant.tree, stems))
     tree = replace(plant.tree, radius_m=_radii(plant.tree, settings))
     return GrownBranches(
         skeleton=as_skeleton(tree),
@@ -105,6 +125,25 @@ def grow_branches(
         shed=shed + gone,
         reached=reached,
     )
+
+
+def _cross_gaps(
+    plant: GrowingPlant,
+    points_m: NDArray[np.float64],
+    weights: NDArray[np.floating],
+    influence_m: float,
+    cycle: int,
+    settings: GrowthSettings,
+    rng: np.random.Generator,
+) -> GrowingPlant:
+    """The plant with shoots across the narrowest gaps that part it from points; as it is where all are too wide."""
+    looking = replace(settings, perception_deg=360.0)
+    nearest_m = float(np.min(cKDTree(plant.tree.position_m).query(points_m, workers=-1)[0]))
+    if nearest_m > settings.max_gap_m:
+        return plant
+    aims = aim_buds(plant, points_m, max(influence_m, _WIDER * nearest_m), looking)
+    aims = nearest_aims(plant, points_m, aims, _WIDER)
+    return grow_shoots(plant, points_m, weights, aims, np.inf, cycle, looking, rng)
 
 
 def _radii(tree: NodeTree, settings: GrowthSettings) -> NDArray[np.float64]:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+_FULL_GROWN = 0.9999  # share of the longest way, from which on no more is grown
+
 
 @dataclass(frozen=True, kw_only=True)
 class LogisticSettings:
@@ -35,3 +37,11 @@ def growth_units(cycle: float | NDArray[np.floating], settings: LogisticSettings
     """rho_t (eq. 7), internodes a cycle: the derivative of H_t."""
     reached = longest_path(cycle, settings)
     return np.asarray(settings.initial_units * reached * (1 - reached / settings.longest))
+
+
+def cycles_until(share: float, settings: LogisticSettings) -> int:
+    """Cycles after which H_t is such a share of H_max, in [0, 1): 0 where it is from the beginning."""
+    if share <= settings.initial_share:
+        return 0
+    ahead = (1 / settings.initial_share - 1) / (1 / min(share, _FULL_GROWN) - 1)
+    return int(np.log(ahead) / settings.initial_units)

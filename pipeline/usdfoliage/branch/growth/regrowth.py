@@ -11,17 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdfoliage.branch.distances import sample_axes
+from usdfoliage.branch.distances import near_surface, place_on_axes
 from usdfoliage.branch.growth.grow import GrownBranches, grow_branches, seed_plants
 from usdfoliage.branch.growth.hidden_interior import HiddenSettings, find_hidden
 from usdfoliage.branch.growth.importance import ImportanceSettings, weigh_points
 from usdfoliage.branch.growth.logistic import LogisticSettings
+from usdfoliage.branch.growth.seen_stems import SeenStems
 from usdfoliage.branch.growth.settings import GrowthSettings
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.tracing.refinement import RefinementSettings, collapse_nodes, round_bends
+from usdfoliage.branch.tracing.refinement import RefinementSettings, collapse_nodes, round_bends, split_edges
 from usdfoliage.geometry.disks import choose_disks
 
 _BARK = 1.4  # radii of a stem, within which points are its own
+_INNER_BARK = 0.6  # radii, from which on they are surely not of what is inside
+_FLARE = 0.7  # radii, that it may be thicker at its foot,
+_FLARES = 4.0  # radii, up to which that fades
+_BEYOND = 0.5  # radii, that they may be beyond the end of a piece of its axis
+_LONGEST = 4.0  # internodes, that a straight piece of a branch is long at most,
+_LONGEST_RADII = 2.0  # or of its radii
 _MIN_REACH = 5.0  # internodes, that a plant is taken to be high at least
 
 
@@ -53,6 +60,7 @@ def regrow(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
     stems: Skeleton | None = None,
+    near_m: float | None = None,
 ) -> GrownBranches:
     """Grow a whole plant, or several that compete, from its roots through a cloud.
 
@@ -65,22 +73,37 @@ def regrow(
         seed: Of phyllotaxy, and of which points stay.
         progress: Called with how far it is, 0 to 1.
         stems: Branches that were seen: of thick ones it is the axis that is grown along, and not the bark.
+        near_m: From a branch's surface, within which it has come to a point; without it points are those that growth
+            was drawn by, and it came to those that are used up.
+
+    Returns:
+        The plant; reached is (N,) of the points where near_m is given.
     """
     internode_m = growth.internode_m
+    cloud_m, feet_m = points_m, roots_m
     if stems is not None:
+        feet_m = find_feet(roots_m, stems)
         points_m = draw_to_axes(points_m, stems, settings.thick * internode_m)
-    dense_m = points_m[choose_disks(points_m, settings.weighing * internode_m, seed)]
+    dense = choose_disks(points_m, settings.weighing * internode_m, seed)
+    dense_m = points_m[dense]
     weights = 1 + weigh_points(dense_m, internode_m, settings.importance)
+    # A stem's points have many like them around; its axis has few.
+    weights[(dense_m != cloud_m[dense]).any(axis=1)] = 1 + settings.importance.neighbors
     markers = choose_disks(dense_m, settings.marker_spacing * internode_m, seed)
     grown = grow_branches(
-        seed_plants(roots_m, internode_m, root_radius_m),
+        seed_plants(feet_m, internode_m, root_radius_m),
         dense_m[markers],
         weights[markers],
         _reaching(growth, points_m),
         seed,
         progress,
+        None if stems is None else SeenStems(skeleton=stems, min_m=settings.thick * internode_m),
     )
-    return replace(grown, skeleton=_refined(grown.skeleton, internode_m, settings))
+    grown = replace(grown, skeleton=_refined(grown.skeleton, internode_m, settings))
+    if near_m is None:
+        return grown
+    used_m = min(growth.max_kill * internode_m, growth.max_kill_m)
+    return replace(grown, reached=near_surface(cloud_m, grown.skeleton, max(near_m, used_m)))
 
 
 def fill_hidden(
@@ -118,17 +141,46 @@ def draw_to_axes(points_m: NDArray[np.float64], stems: Skeleton, min_m: float) -
         stems: Branches.
         min_m: Radius from which on they count.
     """
-    places_m, radii_m, direction = sample_axes(stems, 0.5 * min_m)
+    places_m, radii_m, direction, vertex = place_on_axes(stems, 0.5 * min_m)
     thick = radii_m >= min_m
     if not thick.any():
         return points_m
-    places_m, radii_m, direction = places_m[thick], radii_m[thick], direction[thick]
-    near = np.asarray(cKDTree(places_m).query(points_m, workers=-1)[1])
-    offset_m = points_m - places_m[near]
-    along_m = np.einsum("nc,nc->n", offset_m, direction[near])[:, None] * direction[near]
-    away_m = np.linalg.norm(offset_m - along_m, axis=1)
-    on_bark = (away_m <= _BARK * radii_m[near]) & (np.linalg.norm(along_m, axis=1) <= min_m)
-    return np.where(on_bark[:, None], places_m[near] + along_m, points_m)
+    places_m, radii_m, direction, vertex = places_m[thick], radii_m[thick], direction[thick], vertex[thick]
+    # At its foot a stem flares.
+    arc_m = stems.arcs_m[vertex] + np.linalg.norm(places_m - stems.points_m[vertex], axis=1)
+    foot_m = stems.radius_m[stems.first][stems.curve[vertex]]
+    flares = np.where(stems.order[stems.curve[vertex]] == 0, _FLARE, 0.0)
+    bark = _BARK + flares * np.clip(1 - arc_m / (_FLARES * foot_m), 0, 1)
+    # What is on the bark of a thick stem is not of a thin one that ends inside it.
+    drawn_m, left = points_m.copy(), np.arange(len(points_m))
+    size = np.ceil(np.log2(radii_m))
+    for min_share, some in [*((_INNER_BARK, size == each) for each in np.unique(size)[::-1]), (0.0, size == size)]:
+        near = np.asarray(cKDTree(places_m[some]).query(points_m[left], workers=-1)[1])
+        offset_m = points_m[left] - places_m[some][near]
+        axis = direction[some][near]
+        along_m = np.einsum("nc,nc->n", offset_m, axis)
+        share = np.linalg.norm(offset_m - along_m[:, None] * axis, axis=1) / radii_m[some][near]
+        # On the outside of a bend points are beyond the ends of both pieces.
+        beside = np.abs(along_m) <= np.maximum(min_m, _BEYOND * radii_m[some][near])
+        on_bark = (share >= min_share) & (share <= bark[some][near]) & beside
+        at_m = places_m[some][near] + np.clip(along_m, -min_m, min_m)[:, None] * axis
+        drawn_m[left[on_bark]] = at_m[on_bark]
+        left = left[~on_bark]
+    return drawn_m
+
+
+def find_feet(roots_m: NDArray[np.float64], stems: Skeleton) -> NDArray[np.float64]:
+    """(R, 3) roots, those on the bark of a stem that was seen moved to its axis, as low as they are."""
+    foot = stems.first[stems.parent_curve < 0]
+    if not len(foot):
+        return roots_m
+    found = cKDTree(stems.points_m[foot][:, [0, 2]]).query(roots_m[:, [0, 2]])
+    across_m, nearest = (np.asarray(each) for each in found)
+    is_foot = across_m <= _BARK * stems.radius_m[foot[nearest]]
+    feet_m = roots_m.copy()
+    feet_m[is_foot] = stems.points_m[foot[nearest[is_foot]]]
+    feet_m[:, 1] = np.minimum(feet_m[:, 1], roots_m[:, 1])
+    return feet_m
 
 
 def vary_growth(growth: GrowthSettings, variation: float, seed: int) -> GrowthSettings:
@@ -154,4 +206,6 @@ def _reaching(growth: GrowthSettings, points_m: NDArray[np.float64]) -> GrowthSe
 
 
 def _refined(skeleton: Skeleton, internode_m: float, settings: RegrowthSettings) -> Skeleton:
-    return round_bends(collapse_nodes(skeleton, internode_m, settings.refinement), settings.refinement)
+    collapsed = collapse_nodes(skeleton, internode_m, settings.refinement)
+    longest_m = np.maximum(_LONGEST * internode_m, _LONGEST_RADII * collapsed.radius_m)
+    return round_bends(split_edges(collapsed, longest_m), settings.refinement)

@@ -24,6 +24,9 @@ class GrowthSettings:
     kill: float = 0.5  # of the influence distance, within which points around a node are used up
     max_kill: float = 3.0  # internodes, that this is at most
     min_reach: float = 4.0  # internodes, that the influence distance is at least: what is left is grown into slowly
+    max_kill_m: float = np.inf  # metres, that it is at most: points close together are not used up from afar
+    max_gap_m: float = 0.0  # metres, how far buds look where none sees a point in its cone; 0: no farther than that
+    max_unreached: float = 0.01  # share of the points, up to which growth leaves out those beyond gaps
     pull: float = 1.6  # alpha of equation 9, of the points
     tropism: float = 0.3  # beta of equation 9
     tropism_direction: tuple[float, float, float] = (0.0, -1.0, 0.0)

@@ -8,6 +8,7 @@ Hermite curve. Which nodes collapse is decided by how far the branch would move:
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usdfoliage.branch.model import Skeleton
 
@@ -68,6 +69,26 @@ def collapse_nodes(
                 kept[part.start + first + 1 + at] = True
                 spans += [(first, first + 1 + at), (first + 1 + at, last)]
     return skeleton.only_vertices(kept)
+
+
+def split_edges(skeleton: Skeleton, longest_m: NDArray[np.float64]) -> Skeleton:
+    """With vertices evenly on each edge that is longer than that of the vertex (V,) where it ends."""
+    step_m = np.diff(skeleton.points_m, axis=0, prepend=skeleton.points_m[:1])
+    step_m[skeleton.first] = 0
+    pieces = np.maximum(1, np.ceil(np.linalg.norm(step_m, axis=1) / longest_m - 1e-9)).astype(np.int64)
+    of = np.repeat(np.arange(len(pieces)), pieces)
+    end = np.cumsum(pieces) - 1
+    back = ((end[of] - np.arange(len(of))) / pieces[of])[:, None]  # share of the edge, from its end
+    thinner_m = np.diff(skeleton.radius_m, prepend=skeleton.radius_m[:1])
+    thinner_m[skeleton.first] = 0
+    leaves_from = skeleton.parent_vertex
+    return replace(
+        skeleton,
+        points_m=skeleton.points_m[of] - back * step_m[of],
+        radius_m=skeleton.radius_m[of] - back[:, 0] * thinner_m[of],
+        counts=np.add.reduceat(pieces, skeleton.first).astype(np.int32),
+        parent_vertex=np.where(leaves_from < 0, -1, end[leaves_from]).astype(np.int32),
+    )
 
 
 def round_bends(skeleton: Skeleton, settings: RefinementSettings = RefinementSettings()) -> Skeleton:
