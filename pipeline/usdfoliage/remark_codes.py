@@ -604,8 +604,10 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "growth-incomplete": RemarkKind(
                 severity="warning",
-                meaning="Branches were grown through a part of the cloud alone.",
-                action="Give a longer internode, or more roots.",
+                meaning=(
+                    "With the internode that was given, branches were grown to less than 95 % of the cloud's points."
+                ),
+                action="Give a longer internode, more roots, or no internode: then it follows the cloud.",
             ),
             "branches-left-out": RemarkKind(
                 severity="info",

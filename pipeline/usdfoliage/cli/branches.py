@@ -69,7 +69,8 @@ def _add_tracing(parser: argparse._ActionsContainer) -> None:
         metavar="METRES",
         type=float,
         help="An internode has this length in metres, above 0. The default is "
-        f"{BranchSettings.internode_of_height:g} of the plant's height.",
+        f"{BranchSettings.internode_of_height:g} of the plant's height; grow also takes it from the points' "
+        "spacing.",
     )
     parser.add_argument(
         "--most-points",

@@ -226,6 +226,41 @@ def test_growth_that_comes_to_few_points_is_a_warning(tmp_path, rng, capsys):
     assert "% of the points alone" in report
 
 
+def crown_on_trunk(rng, trunk_m):
+    """(N, 3) points, Z up, along a trunk at these heights and in a ball of a crown half a metre wide around 2 m."""
+    crown = rng.normal(size=(3000, 3))
+    crown *= 0.5 * (rng.random(3000) ** (1 / 3) / np.linalg.norm(crown, axis=1))[:, None]
+    trunk = np.column_stack([0 * trunk_m, 0 * trunk_m, trunk_m])
+    return np.concatenate([trunk, np.add(crown, [0, 0, 2.0])])
+
+
+@pytest.mark.parametrize(
+    "trunk_m", [np.arange(0, 1.5, 0.3), np.append(np.arange(0, 0.5, 0.01), np.arange(1.2, 1.5, 0.01))]
+)
+def test_growth_reaches_a_crown_over_points_far_apart_and_over_a_gap(tmp_path, rng, capsys, trunk_m):
+    cloud = write_xyz(tmp_path / "tree.xyz", crown_on_trunk(rng, trunk_m))
+    options = ["--method", "grow", "--no-preview", "--up", "Z", "--roots", "0,0,0", "--cloud-leaves", "off"]
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *options]) == 0
+    share = re.search(r"growth came to (\d+) % of the points", capsys.readouterr().out)
+    assert int(share.group(1)) >= 95
+    points = skeleton_points(tmp_path / "out" / "out.usda")
+    assert points[:, 1].max() > 2.3
+    assert points[0] == pytest.approx([0, 0, 0], abs=0.05)
+
+
+def test_growth_that_comes_to_few_points_without_an_internode_ends_with_what_is_missing(tmp_path, rng, capsys):
+    beside = rng.uniform([2.7, -0.3, 1], [3.3, 0.3, 2], (5000, 3))
+    cloud = write_xyz(tmp_path / "tree.xyz", np.concatenate([y_tree(rng)[::4], beside]))
+    options = ["--method", "grow", "--no-preview", "--up", "Z", "--roots", "0,0,0", "--cloud-leaves", "off"]
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *options]) == 2
+    error = capsys.readouterr().err
+    assert re.search(r"growth came to \d+ % of the points of .*tree\.xyz, 95 % needed", error)
+    assert "and it crosses gaps of 1.00 m" in error
+    assert "--roots" in error
+    assert "--internode" in error
+    assert not (tmp_path / "out").exists()
+
+
 def test_branches_that_are_not_joined_are_a_warning(tmp_path, rng, capsys, monkeypatch):
     monkeypatch.setattr(warnings, "_UNJOINED", 0.01)  # a lump of points without stems has a few
     cloud = write_xyz(tmp_path / "lump.xyz", rng.uniform(-0.5, 0.5, (1500, 3)))

@@ -16,7 +16,7 @@ def test_branches_of_which_many_are_not_joined_are_a_warning():
 
 
 def test_growth_through_a_part_of_the_cloud_is_a_warning():
-    assert check_growth(0.7, 0.01) == []
+    assert check_growth(0.95, 0.01) == []
     (warning,) = check_growth(0.27, 0.0075)
     assert "27 % of the points" in warning.text
     assert "--internode 0.03" in warning.sentence(RENDER)

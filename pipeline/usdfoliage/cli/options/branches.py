@@ -117,7 +117,12 @@ def _read_regrowth(options: argparse.Namespace) -> RegrowthRequest:
     """The growth that a command line asks for."""
     if not 0 <= options.variations <= MAX_VARIATIONS:
         raise FoliageError(f"--variations must be 0 to {MAX_VARIATIONS}, not {options.variations}")
-    return RegrowthRequest(method=options.method, hidden=options.fill_hidden, variations=options.variations)
+    return RegrowthRequest(
+        method=options.method,
+        hidden=options.fill_hidden,
+        variations=options.variations,
+        internode_m=options.internode,
+    )
 
 
 def _read_motion(options: argparse.Namespace) -> BranchMotion:

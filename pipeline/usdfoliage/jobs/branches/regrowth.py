@@ -4,19 +4,34 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+from scipy.spatial import cKDTree
+
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.foliage.species import Species
 from usdfoliage.branch.growth.grow import GrownBranches
 from usdfoliage.branch.growth.regrowth import RegrowthSettings, fill_hidden, regrow, vary_growth
 from usdfoliage.branch.growth.settings import GrowthSettings
-from usdfoliage.branch.tracing.reconstruct import TracedBranches
-from usdfoliage.jobs.branches.warnings import check_growth
+from usdfoliage.branch.tracing.reconstruct import TracedBranches, point_spacing
+from usdfoliage.errors import FitError
+from usdfoliage.jobs.branches.warnings import REACHED, check_growth
 from usdfoliage.jobs.plant_cloud import PlantCloud
-from usdfoliage.remarks import Remark, remark
+from usdfoliage.remarks import Remark, Setting, remark
 
 TRACE, GROW = METHODS = ("trace", "grow")
 MAX_VARIATIONS = 99
 _SPACINGS = 0.7  # of the cloud, that an internode is at least: buds see no points across wider gaps
+_DENSE_SPACINGS = 1.5  # that it is at most: shorter ones come nearer to points that are close together,
+_FINEST = 0.4  # of the internode that branches are traced with, but no shorter
+_STOUT = 0.2  # of the radius at the root, that it is at least: of a stem alone the height gives too short ones
+_USED_SPACINGS, _USED = 2.5, 0.75  # and internodes, within which points around a node are used up
+_REACHED_SPACINGS = 3.0  # from the surface of a branch, within which it has come to a point
+_WIDEST_GAP = 0.5  # of the plant's height, that growth crosses
+_TRIES = (1.0, 2.0, 4.0)  # times the internode, until growth comes to enough of the points
+
+
+class IncompleteGrowthError(FitError):
+    """Branches do not grow to enough of a cloud's points, with whatever internodes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +41,7 @@ class RegrowthRequest:
     method: str = TRACE
     hidden: bool = False  # grow into what the cloud hides
     variations: int = 0
+    internode_m: float | None = None  # that was asked for
     settings: RegrowthSettings = field(default_factory=RegrowthSettings)
 
     def describe(self) -> dict[str, str]:
@@ -48,6 +64,32 @@ def growth_settings(traced: TracedBranches, species: Species) -> GrowthSettings:
     )
 
 
+def settings_for_cloud(
+    growth: GrowthSettings, traced: TracedBranches, plant: PlantCloud, given_m: float | None = None
+) -> GrowthSettings:
+    """The parameters with lengths that follow the points, for a plant that grows through its whole cloud.
+
+    Args:
+        growth: As growth_settings has them.
+        traced: Branches of the cloud.
+        plant: The cloud.
+        given_m: The internode that was asked for, which stays; None for one that follows the cloud.
+    """
+    growth = replace(growth, max_gap_m=_WIDEST_GAP * float(np.ptp(plant.points_m[:, 1])))
+    if given_m is not None:
+        return replace(growth, internode_m=given_m)
+    spacing_m = _spacing_m(traced, plant)
+    longest_m = max(_DENSE_SPACINGS * spacing_m, _FINEST * traced.internode_m)
+    shortest_m = max(_SPACINGS * traced.spacing_m, _STOUT * float(traced.skeleton.radius_m[0]))
+    internode_m = max(shortest_m, min(traced.internode_m, longest_m))
+    return replace(growth, internode_m=internode_m, max_kill_m=max(_USED_SPACINGS * spacing_m, _USED * internode_m))
+
+
+def _spacing_m(traced: TracedBranches, plant: PlantCloud) -> float:
+    """Between the points of the cloud as it was read; branches may be traced through fewer."""
+    return point_spacing(plant.source.points_m) or traced.spacing_m
+
+
 def regrow_branches(
     traced: TracedBranches,
     plant: PlantCloud,
@@ -65,15 +107,18 @@ def regrow_branches(
         species: Whose angles growth has.
         seed: Of growth.
         progress: Called with how far it is, 0 to 1.
+
+    Raises:
+        IncompleteGrowthError: A plant does not grow to enough of the points, and no internode was asked for.
     """
     remarks: list[Remark] = []
     growth = growth_settings(traced, species)
     if request.method == GROW:
-        grown = _regrow(traced, plant, growth, request, seed, progress)
-        traced = replace(traced, skeleton=grown.skeleton)
+        grown, internode_m = _grow_through(traced, plant, growth, request, seed, progress)
+        traced = replace(traced, skeleton=grown.skeleton, internode_m=internode_m)
         text = f"branches are grown from the roots through the cloud in {grown.cycles} cycles"
         remarks.append(remark("branches-grown", _with_shares(grown, text)))
-        remarks.extend(check_growth(float(grown.reached.mean()), growth.internode_m))
+        remarks.extend(check_growth(float(grown.reached.mean()), internode_m))
     if request.hidden:
         filled = _fill(traced, plant, growth, request, seed, progress)
         traced = replace(traced, skeleton=filled.skeleton)
@@ -94,13 +139,60 @@ def vary_branches(
     What its cloud hides they fill as it does, where that is asked for.
     """
     growth = growth_settings(traced, species)
+    through = settings_for_cloud(growth, traced, plant, request.internode_m)
     for number in range(1, request.variations + 1):
         own = seed + number
-        varied = vary_growth(growth, request.settings.variation, own)
+        varied = vary_growth(through, request.settings.variation, own)
         variation = replace(traced, skeleton=_regrow(traced, plant, varied, request, own, None).skeleton)
         if request.hidden:
+            varied = vary_growth(growth, request.settings.variation, own)
             variation = replace(variation, skeleton=_fill(variation, plant, varied, request, own, None).skeleton)
         yield variation, own
+
+
+def _grow_through(
+    traced: TracedBranches,
+    plant: PlantCloud,
+    growth: GrowthSettings,
+    request: RegrowthRequest,
+    seed: int,
+    progress: Callable[[float], None] | None,
+) -> tuple[GrownBranches, float]:
+    """A plant that grows to enough of the points, with the shortest internodes with which one does; these in metres."""
+    finest = settings_for_cloud(growth, traced, plant, request.internode_m)
+    best: tuple[GrownBranches, float] | None = None
+    for times in _TRIES if request.internode_m is None else _TRIES[:1]:
+        internode_m = times * finest.internode_m
+        max_kill_m = max(finest.max_kill_m, _USED * internode_m)
+        tried = replace(finest, internode_m=internode_m, max_kill_m=max_kill_m)
+        grown = _regrow(traced, plant, tried, request, seed, progress)
+        if best is None or grown.reached.mean() > best[0].reached.mean():
+            best = grown, internode_m
+        if grown.reached.mean() >= REACHED:
+            break
+    assert best is not None
+    grown, internode_m = best
+    if request.internode_m is None and grown.reached.mean() < REACHED:
+        raise _explain_incomplete(grown, plant, finest.max_gap_m)
+    return grown, internode_m
+
+
+def _explain_incomplete(grown: GrownBranches, plant: PlantCloud, max_gap_m: float) -> IncompleteGrowthError:
+    """What growth did not come to, and what to do."""
+    missed_m = plant.points_m[~grown.reached]
+    gap_m = float(np.min(cKDTree(grown.skeleton.points_m).query(missed_m, workers=-1)[0]))
+    crosses = f", and it crosses gaps of {max_gap_m:.2f} m" if gap_m > max_gap_m else ""
+    return IncompleteGrowthError(
+        f"growth came to {100 * grown.reached.mean():.0f} % of the points of {plant.source.path}, "
+        f"{100 * REACHED:.0f} % needed; the nearest of the others is {gap_m:.2f} m from its branches{crosses}",
+        (
+            "give ",
+            Setting(name="branches.roots"),
+            " where stems are, or ",
+            Setting(name="branches.internode_m"),
+            " to accept what growth comes to, or trace the branches",
+        ),
+    )
 
 
 def _regrow(
@@ -112,7 +204,18 @@ def _regrow(
     progress: Callable[[float], None] | None,
 ) -> GrownBranches:
     radius_m = float(traced.skeleton.radius_m[0])
-    return regrow(plant.points_m, plant.roots_m, radius_m, growth, request.settings, seed, progress, traced.skeleton)
+    near_m = _REACHED_SPACINGS * _spacing_m(traced, plant)
+    return regrow(
+        plant.points_m,
+        plant.roots_m,
+        radius_m,
+        growth,
+        request.settings,
+        seed,
+        progress,
+        traced.skeleton,
+        near_m,
+    )
 
 
 def _fill(

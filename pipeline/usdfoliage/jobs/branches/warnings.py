@@ -6,7 +6,7 @@ _UNJOINED = 0.3  # share of the branches,
 _FEW = 5  # of which so many may always be without a join
 FEW_ROUND = 0.05  # share of the circles, from which on they are believed without a stem
 _STEMS = 0.25  # share of the roots, from which on their stems are believed: of many in a hedge one looks like one
-_REACHED = 0.7  # share of the points
+REACHED = 0.95  # share of the points, to which growth comes at least
 _LONGER = 4  # times the internode, with which growth reaches points farther apart
 
 _GROW = "try the method grow of usdfoliage branches"
@@ -70,7 +70,7 @@ def check_growth(reached: float, internode_m: float) -> list[Remark]:
         reached: Share of the points that growth came to.
         internode_m: Of the growth.
     """
-    if reached >= _REACHED:
+    if reached >= REACHED:
         return []
     return [
         remark(
