@@ -268,6 +268,8 @@ def test_variations_are_near_and_differ():
         {"internode_m": 1, "perception_deg": 0},
         {"internode_m": 1, "pull": -1},
         {"internode_m": 1, "rest": 0},
+        {"internode_m": 1, "max_kill_m": 0},
+        {"internode_m": 1, "max_gap_m": -1},
     ],
 )
 def test_settings_that_cannot_be_are_refused(wrong):

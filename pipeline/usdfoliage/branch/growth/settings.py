@@ -41,6 +41,8 @@ class GrowthSettings:
             raise ValueError(f"internode_m must be above 0, not {self.internode_m:g}")
         if not (0 < self.perception_deg <= 360 and self.kill > 0 and self.max_kill > 0 and self.min_reach > 0):
             raise ValueError("perception_deg in (0, 360], kill, max_kill and min_reach above 0")
+        if not (self.max_kill_m > 0 and self.max_gap_m >= 0 and 0 <= self.max_unreached < 1):
+            raise ValueError("max_kill_m must be above 0, max_gap_m not below, max_unreached in [0, 1)")
         if not (self.pull >= 0 and self.tropism >= 0 and np.isfinite(self.tropism_direction).all()):
             raise ValueError("pull and tropism must not be below 0, tropism_direction finite")
         if not (self.rest >= 1 and self.stub >= 0 and self.slenderness > 0 and self.min_radius_m > 0):
