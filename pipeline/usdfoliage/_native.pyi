@@ -1425,6 +1425,7 @@ def piece_gaps(
     asked_first: NDArray[np.int64],
     asked_pieces: NDArray[np.int32],
     near_enough: float,
+    through: bool,
     threads: int,
 ) -> NDArray[np.float64]:
     """Distance (Q,) of each asked piece of a mesh of triangles to all others, 0 where it runs into one."""

@@ -71,7 +71,7 @@ def test_a_traced_cloud_comes_back(tmp_path, colored):
     assert found.is_leafless
     assert not replace(found, knows_leaves=False).is_leafless
     assert found.of_photographs == colored
-    for name in ("points_m", "wood", "plant_from_capture", "lost", "turned", "unjoined"):
+    for name in ("points_m", "wood", "plant_from_capture", "turned", "unjoined"):
         assert np.array_equal(getattr(found, name), getattr(plant, name)), name
     assert (found.colors is None) != colored
     assert not colored or np.array_equal(found.colors, plant.colors)

@@ -181,7 +181,8 @@ private:
 
 }  // namespace
 
-std::vector<double> piece_gaps(const PieceMesh& mesh, const PieceEdges& asked, double near_enough, int threads) {
+std::vector<double> piece_gaps(const PieceMesh& mesh, const PieceEdges& asked, double near_enough, bool through,
+                               int threads) {
     const TriangleTree tree(mesh);
     std::vector<double> gaps(asked.count, kFar);
     if (tree.empty()) return gaps;
@@ -192,7 +193,7 @@ std::vector<double> piece_gaps(const PieceMesh& mesh, const PieceEdges& asked, d
     };
     parallel_for(asked.count, threads, [&](std::size_t q) {
         const std::int32_t own = asked.pieces[q];
-        for (std::int64_t i = asked.first[q]; i < asked.first[q + 1]; ++i) {
+        for (std::int64_t i = asked.first[q]; through && i < asked.first[q + 1]; ++i) {
             const Point from = point(asked.ends[2 * i]);
             if (tree.crosses_others(from, minus(point(asked.ends[2 * i + 1]), from), own)) {
                 gaps[q] = 0;

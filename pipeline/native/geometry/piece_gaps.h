@@ -22,13 +22,15 @@ struct PieceEdges {
     std::size_t count;           // Q
 };
 
-// How far the ends of each piece's edges are from all other pieces: 0 where an edge goes through one of their triangles;
-// infinity where there is no other piece. What is nearer than `near_enough` need not be the least.
+// How far the ends of each piece's edges are from all other pieces: infinity where there is no other piece. What is nearer
+// than `near_enough` need not be the least.
 //
 // Triangles are found in a tree of boxes that know when all of theirs are of one piece.
 //
+// @param through  whether it is 0 where an edge goes through a triangle of another piece
 // @param threads  as parallel_for
 // @return         count
-std::vector<double> piece_gaps(const PieceMesh& mesh, const PieceEdges& asked, double near_enough, int threads);
+std::vector<double> piece_gaps(const PieceMesh& mesh, const PieceEdges& asked, double near_enough, bool through,
+                               int threads);
 
 }  // namespace usdfoliage

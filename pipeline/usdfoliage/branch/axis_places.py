@@ -12,6 +12,7 @@ from usdfoliage.branch.model import Skeleton
 _BLOCK = 500_000  # pairs of a point and a segment that are looked at together
 _STEP = 0.2  # of the parent's radius, between places where a branch may be out
 _ONE_RADIUS = 1.3  # times the smallest radius, up to which those of axes count as one
+_FEW_STEPS = 8
 _STEPS = 40  # a branch along its parent for longer than so many is taken to be out
 
 
@@ -118,30 +119,46 @@ class Exits:
     arc_m: NDArray[np.float64]  # (B,), along each itself; 0 for a root
 
 
-def axis_exits(skeleton: Skeleton) -> Exits:
+def axis_exits(skeleton: Skeleton, only: NDArray[np.bool_] | None = None) -> Exits:
     """Where axes come out of the round surfaces of their parents.
 
     One that does not come out, or runs inside for long, is taken to be out at once where that ends.
+
+    Args:
+        skeleton: B branches.
+        only: (B,), those that are looked at; the others are out at their first points.
     """
     arc_m, parent_arc_m = np.zeros(len(skeleton)), np.zeros(len(skeleton))
-    exits = Exits(curve=skeleton.parent_curve, parent_arc_m=parent_arc_m, arc_m=arc_m)
-    child = np.flatnonzero(skeleton.parent_curve >= 0)
-    if not len(child):
-        return exits
+    child = np.flatnonzero((skeleton.parent_curve >= 0) & (True if only is None else only))
+    for steps in (_FEW_STEPS, _STEPS):  # nearly all are out after a few
+        if not len(child):
+            break
+        arc_m[child], parent_arc_m[child], found = _walk_out(skeleton, child, steps)
+        child = child[~found]
+    return Exits(curve=skeleton.parent_curve, parent_arc_m=parent_arc_m, arc_m=arc_m)
+
+
+def _walk_out(
+    skeleton: Skeleton, child: NDArray[np.int64], steps: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Arcs of branches (C,) and of their parents where they come out, and whether they do within so many steps."""
     parent_m = skeleton.radius_m[skeleton.parent_vertex[child]]
-    walked_m = np.minimum(_STEP * parent_m[:, None] * np.arange(_STEPS + 1), skeleton.lengths_m[child][:, None])
-    on_child = places_at(skeleton, np.repeat(child, _STEPS + 1), walked_m.reshape(-1))
+    walked_m = np.minimum(_STEP * parent_m[:, None] * np.arange(steps + 1), skeleton.lengths_m[child][:, None])
+    on_child = places_at(skeleton, np.repeat(child, steps + 1), walked_m.reshape(-1))
     points_m = on_child.between(skeleton.points_m)
-    on_parent = find_places(skeleton, points_m, np.repeat(skeleton.parent_curve[child], _STEPS + 1))
+    on_parent = find_places(skeleton, points_m, np.repeat(skeleton.parent_curve[child], steps + 1))
     away_m = np.linalg.norm(points_m - on_parent.between(skeleton.points_m), axis=1)
     beyond_m = (away_m - on_parent.between(skeleton.radius_m)).reshape(len(child), -1)
     outside = beyond_m > 0
+    found = outside[:, 1:].any(axis=1)
     outside[:, -1] = True
     at = np.maximum(outside.argmax(axis=1), 1)
     row = np.arange(len(child))
     before_m, after_m = beyond_m[row, at - 1], beyond_m[row, at]
     crosses = (before_m <= 0) & (after_m > 0)
     share = np.where(crosses, before_m / np.where(crosses, before_m - after_m, 1), 1)
-    for found_m, samples_m in ((arc_m, walked_m), (parent_arc_m, on_parent.arc_m.reshape(len(child), -1))):
-        found_m[child] = samples_m[row, at - 1] + share * (samples_m[row, at] - samples_m[row, at - 1])
-    return exits
+    arcs = (
+        samples_m[row, at - 1] + share * (samples_m[row, at] - samples_m[row, at - 1])
+        for samples_m in (walked_m, on_parent.arc_m.reshape(len(child), -1))
+    )
+    return *arcs, found

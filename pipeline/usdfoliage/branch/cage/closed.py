@@ -11,26 +11,32 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from usdfoliage.branch.axis_places import Exits, axis_exits
 from usdfoliage.branch.cage.build import BranchCage, DroppedBranch, build_branch_cage
 from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.rings import RingMarks
 from usdfoliage.branch.cage.settings import BranchCageSettings
-from usdfoliage.branch.cage.twigs import TwigSettings, draw_twigs, mark_twigs, stand_out
+from usdfoliage.branch.cage.twigs import SIDES, TwigSettings, count_rows, draw_twigs, mark_twigs, stand_out
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.pruning import prune_branches
+from usdfoliage.branch.pruning import PrunedSkeleton, prune_branches
 from usdfoliage.branch.rooted_tree import RootedTree
-from usdfoliage.geometry.mesh_pieces import find_pieces
+from usdfoliage.branch.whole_wood import AFLOAT_M
+from usdfoliage.geometry.mesh_pieces import label_pieces, measure_gaps
 from usdfoliage.geometry.smooth_mesh import refine_smooth
 
-FEWEST_JOINED = 30  # faces of a branch that is joined
-EACH_JOINED = 120.0  # by so many it has more faces than as a twig, before it is known
+FEWEST_JOINED = 55  # faces of a branch that is joined, with those on its parent
+EACH_JOINED = 200.0  # by so many a thick one has more than as a twig, before it is known
+FACES_OF_TWIG = 30  # likewise, that are fewer without a twig
 NEARLY = 0.9  # of the faces that there may be, which are enough
-FEWEST_OF_TWIG = 13  # faces
-ROUNDS = 3  # of choosing what is joined, or left out
-COARSER = (1.0, 1.5, 2.0)  # times fewer rings of twigs
+ROUNDS = 3  # of choosing what is left out
+JOINING_ROUNDS = 2  # of choosing what is joined
+COARSER = (1.0, 1.5, 2.0, 3.0)  # times fewer rings of twigs
 SHORT_ROUNDS = 4  # of leaving out what ends inside its parent: others then leave from there
 AFLOAT_ROUNDS = 3
+AFLOAT_LEVELS = 2  # of division, at which pieces are looked at
+THIN_M = 0.008  # radius of branches that may be lost where it is not sure that they touch
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,20 +70,25 @@ def close_branches(
         max_faces: As many as the surface may have; as many as it takes where it is not given.
     """
     thickness_m = thickest_above(skeleton)
+    exits = axis_exits(skeleton)
     none = np.zeros(len(skeleton), bool)
     choice = PlainChoice(plain=none, gone=none, twigs=TwigSettings())
-    if max_faces is None or len(skeleton) * FEWEST_JOINED <= max_faces:
-        cage = build_with_twigs(skeleton, choice, settings)
-    if max_faces is not None and (len(skeleton) * FEWEST_JOINED > max_faces or len(cage.faces) > max_faces):
+    fits = max_faces is None or len(skeleton) * FEWEST_JOINED <= max_faces
+    if fits:
+        cage = build_with_twigs(skeleton, choice, settings, exits)
+        fits = max_faces is None or len(cage.faces) <= max_faces
+    if not fits and max_faces is not None:
         settings = replace(settings, lean=True)
-        choice, cage = _fit_faces(skeleton, thickness_m, max_faces, settings)
+        choice, cage = _fit_faces(skeleton, thickness_m, max_faces, settings, exits)
     closed = _leave_out(skeleton, cage)
     lost = find_afloat(closed)
-    if lost.any() and not choice.plain.all():  # as plain tubes they begin on the axes of their parents
+    if lost.any() and not choice.plain.all():  # as twigs they begin on the axes of their parents
         plain = choice.plain | (np.append(lost, False)[closed.number] & (skeleton.parent_curve >= 0))
-        for branch in np.flatnonzero(skeleton.parent_curve >= 0).tolist():  # parents first
-            plain[branch] |= plain[skeleton.parent_curve[branch]]
-        closed = _leave_out(skeleton, build_with_twigs(skeleton, replace(choice, plain=plain), settings))
+        if (plain != choice.plain).any():
+            for branch in np.flatnonzero(skeleton.parent_curve >= 0).tolist():  # parents first
+                plain[branch] |= plain[skeleton.parent_curve[branch]]
+            cage = build_with_twigs(skeleton, replace(choice, plain=plain), settings, exits)
+            closed = _leave_out(skeleton, cage)
     for _ in range(AFLOAT_ROUNDS):
         lost = find_afloat(closed)
         if not lost.any():
@@ -88,7 +99,11 @@ def close_branches(
 
 
 def _fit_faces(
-    skeleton: Skeleton, thickness_m: NDArray[np.float64], max_faces: int, settings: BranchCageSettings
+    skeleton: Skeleton,
+    thickness_m: NDArray[np.float64],
+    max_faces: int,
+    settings: BranchCageSettings,
+    exits: Exits,
 ) -> tuple[PlainChoice, BranchCage]:
     """Join as many branches as the number of faces allows, the thickest first; the others are twigs.
 
@@ -97,17 +112,26 @@ def _fit_faces(
     """
     rooted = skeleton.parent_curve < 0
     none = np.zeros(len(skeleton), bool)
-    for coarser in COARSER:
+    rows = count_rows(skeleton)[~rooted].sum()
+    left = list(COARSER)
+    while left:
+        coarser = left.pop(0)
         choice = PlainChoice(plain=~rooted, gone=none, twigs=TwigSettings(coarser=coarser))
-        cage = build_with_twigs(skeleton, choice, settings)
+        cage = build_with_twigs(skeleton, choice, settings, exits)
         if len(cage.faces) <= max_faces:
-            return _join_thickest(skeleton, thickness_m, max_faces, settings, (choice, cage))
+            return _join_thickest(skeleton, thickness_m, max_faces, settings, exits, (choice, cage))
+        # What is not enough by far need not be built.
+        needed = len(cage.faces) - max_faces
+        left = [each for each in left if SIDES * rows * (1 / coarser - 1 / each) > needed or each == COARSER[-1]]
+    each = float(FACES_OF_TWIG)
     for _ in range(ROUNDS):
-        gone = _thinnest_tips(skeleton, thickness_m, choice.gone, len(cage.faces) - max_faces)
+        before = len(cage.faces), int(choice.gone.sum())
+        gone = _thinnest_tips(skeleton, thickness_m, choice.gone, int(np.ceil((before[0] - max_faces) / each)))
         choice = replace(choice, plain=~rooted & ~gone, gone=gone)
-        cage = build_with_twigs(skeleton, choice, settings)
+        cage = build_with_twigs(skeleton, choice, settings, exits)
         if len(cage.faces) <= max_faces:
             break
+        each = max((before[0] - len(cage.faces)) / max(int(gone.sum()) - before[1], 1) * NEARLY, 1.0)
     return choice, cage
 
 
@@ -116,6 +140,7 @@ def _join_thickest(
     thickness_m: NDArray[np.float64],
     max_faces: int,
     settings: BranchCageSettings,
+    exits: Exits,
     fits: tuple[PlainChoice, BranchCage],
 ) -> tuple[PlainChoice, BranchCage]:
     """Join the thickest branches for the faces that are left; fits has none that is joined, and comes back if none can
@@ -124,15 +149,15 @@ def _join_thickest(
     may = np.flatnonzero(skeleton.parent_curve >= 0)
     ordered_m = np.sort(thickness_m[may])[::-1]
     best, least = fits, len(fits[1].faces)
-    for _ in range(ROUNDS):
+    for _ in range(JOINING_ROUNDS):
         wanted = int((max_faces - least) * NEARLY / each)
-        if wanted <= 0 or not len(may):
+        if least >= NEARLY * max_faces or wanted <= 0 or not len(may):
             break
         # Of branches of one thickness all are twigs or none, so that what a twig carries is one.
         thinnest_m = ordered_m[min(wanted, len(may)) - 1]
         plain = (skeleton.parent_curve >= 0) & (thickness_m < thinnest_m)
         choice = replace(fits[0], plain=plain)
-        cage = build_with_twigs(skeleton, choice, settings)
+        cage = build_with_twigs(skeleton, choice, settings, exits)
         joined = int((~plain[may]).sum())
         if len(cage.faces) <= max_faces:
             if len(cage.faces) > len(best[1].faces):
@@ -144,11 +169,11 @@ def _join_thickest(
 
 
 def _thinnest_tips(
-    skeleton: Skeleton, thickness_m: NDArray[np.float64], gone: NDArray[np.bool_], faces: int
+    skeleton: Skeleton, thickness_m: NDArray[np.float64], gone: NDArray[np.bool_], count: int
 ) -> NDArray[np.bool_]:
-    """(B,) branches that are left out for so many faces fewer, the thinnest first, with those that are gone already."""
+    """(B,) branches that are left out: so many more than are gone already, the thinnest first."""
     order = np.argsort(np.where((skeleton.parent_curve < 0) | gone, np.inf, thickness_m), kind="stable")
-    more = min(int(np.ceil(faces / FEWEST_OF_TWIG)), int((~gone & (skeleton.parent_curve >= 0)).sum()))
+    more = min(count, int((~gone & (skeleton.parent_curve >= 0)).sum()))
     left_out = gone.copy()
     left_out[order[:more]] = True
     for branch in np.flatnonzero(skeleton.parent_curve >= 0).tolist():  # parents first: of one thickness it may be one
@@ -156,14 +181,19 @@ def _thinnest_tips(
     return left_out
 
 
-def build_with_twigs(
-    skeleton: Skeleton, choice: PlainChoice, settings: BranchCageSettings = BranchCageSettings()
-) -> BranchCage:
-    """The cage of the branches that are joined, and twigs drawn out of it; those left out are named in dropped."""
+def build_with_twigs(skeleton: Skeleton, choice: PlainChoice, settings: BranchCageSettings, exits: Exits) -> BranchCage:
+    """The cage of the branches that are joined, and twigs drawn out of it; those left out are named in dropped.
+
+    Args:
+        skeleton: B branches.
+        choice: Which of them are what.
+        settings: How close the surface keeps to what is joined.
+        exits: Of the skeleton, as axis_exits finds them.
+    """
     chosen = ~choice.plain & ~choice.gone
     thick = np.flatnonzero(chosen)
     number = np.cumsum(chosen) - 1
-    marks = mark_twigs(skeleton, choice.plain)
+    marks = mark_twigs(skeleton, choice.plain, exits)
     on_thick = chosen[marks.branch]
     marks = RingMarks(branch=number[marks.branch[on_thick]], arc_m=marks.arc_m[on_thick])
     cage = build_branch_cage(skeleton.only(chosen), settings, marks)
@@ -183,12 +213,13 @@ def build_with_twigs(
         stays[list(reasons)] = False
         pruned = prune_branches(skeleton, stays)
         kept = np.flatnonzero(stays)
-        short = kept[choice.plain[kept] & ~stand_out(pruned.skeleton)]
+        pruned_exits = _carry_exits(exits, skeleton, pruned, kept)
+        short = kept[choice.plain[kept] & ~stand_out(pruned.skeleton, pruned_exits)]
         if last or not len(short):
             break
         reasons |= dict.fromkeys(short.tolist(), DropReason.TOO_SHORT)
     back = replace(cage, curve=pruned.number[cage.curve], fork_curve=pruned.number[cage.fork_curve], loose=())
-    drawn = draw_twigs(pruned.skeleton, choice.plain[kept], back, choice.twigs)
+    drawn = draw_twigs(pruned.skeleton, choice.plain[kept], back, pruned_exits, choice.twigs)
     # As the skeleton that was given has them: a branch begins at its own first point.
     st_m, owner = drawn.st_m.copy(), np.zeros(len(drawn.st_m), np.int64)
     owner[drawn.face_st[len(cage.faces) :]] = drawn.curve[len(cage.faces) :, None]
@@ -206,18 +237,61 @@ def build_with_twigs(
     return _only_used(numbered)
 
 
-def find_afloat(closed: ClosedBranches, nearest_m: float = 0.0) -> NDArray[np.bool_]:
-    """(B,) branches whose piece of the surface neither has a root nor runs into another piece."""
+def _carry_exits(exits: Exits, skeleton: Skeleton, pruned: PrunedSkeleton, kept: NDArray[np.int64]) -> Exits:
+    """Where the axes of a pruned skeleton come out, looked for anew where a branch begins elsewhere than before."""
+    parent = pruned.skeleton.parent_curve
+    moved = (pruned.number[skeleton.parent_curve[kept]] != parent) & (skeleton.parent_curve[kept] >= 0)
+    again = axis_exits(pruned.skeleton, moved)
+    shifted_m = exits.parent_arc_m[kept] + np.where(parent >= 0, pruned.prefix_m[parent], 0.0)
+    return Exits(
+        curve=parent,
+        parent_arc_m=np.where(moved, again.parent_arc_m, shifted_m),
+        arc_m=np.where(moved, again.arc_m, exits.arc_m[kept]),
+    )
+
+
+def find_afloat(closed: ClosedBranches) -> NDArray[np.bool_]:
+    """(B,) branches whose piece of the surface neither has a root nor runs into another piece.
+
+    Of thin branches it is not enough that the two go through each other: points of the one must be near the other, as
+    in any drawing of the two that is not very fine.
+    """
     skeleton, cage = closed.skeleton, closed.cage
     lost = np.zeros(len(skeleton), bool)
-    if not len(cage.faces):
+    of_point, count = label_pieces(len(cage.points_m), cage.faces)
+    of_face = of_point[cage.faces[:, 0]]
+    rooted = np.zeros(count, bool)
+    rooted[of_face[skeleton.parent_curve[cage.curve] < 0]] = True
+    asked = np.setdiff1d(of_face, np.flatnonzero(rooted))
+    if not len(asked):
         return lost
-    points_m, faces = refine_smooth(cage.points_m, cage.faces, 1)
-    pieces = find_pieces(points_m, faces, skeleton.points_m[skeleton.first[skeleton.parent_curve < 0]])
-    afloat = np.zeros(len(pieces.gap_m), bool)
-    afloat[pieces.afloat(nearest_m)] = True
-    lost[np.repeat(cage.curve, 4)[afloat[pieces.of_point[faces[:, 0]]]]] = True
+    near = _faces_near(cage, ~rooted[of_face])
+    used, corners = np.unique(cage.faces[near], return_inverse=True)
+    points_m, faces = refine_smooth(cage.points_m[used], corners.reshape(-1, 4), AFLOAT_LEVELS)
+    piece = np.zeros(len(points_m), np.int32)
+    piece[faces] = np.repeat(of_face[near], 4**AFLOAT_LEVELS)[:, None]
+    gaps_m = measure_gaps(points_m, faces, piece, asked)
+    apart_m = measure_gaps(points_m, faces, piece, asked, AFLOAT_M, through=False)
+    thickest_m = np.zeros(count)
+    np.maximum.at(thickest_m, of_face, np.maximum.reduceat(skeleton.radius_m, skeleton.first)[cage.curve])
+    afloat = np.zeros(count, bool)
+    afloat[asked] = (gaps_m > 0) | ((apart_m > AFLOAT_M) & (thickest_m[asked] < THIN_M))
+    lost[cage.curve[afloat[of_face]]] = True
     return lost
+
+
+def _faces_near(cage: BranchCage, mine: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Faces (F,) that are mine, those within their own size of them, and what touches these."""
+    corners_m = cage.points_m[cage.faces]
+    middle_m = corners_m.mean(axis=1)
+    size_m = np.linalg.norm(corners_m - middle_m[:, None], axis=2).max(axis=1)
+    places_m = np.concatenate([middle_m[mine], corners_m[mine].reshape(-1, 3)])
+    away_m = np.asarray(cKDTree(places_m).query(middle_m, workers=-1)[0])
+    largest_m = float(size_m[mine].max())
+    near = mine | (away_m < 2 * size_m + largest_m)
+    touched = np.zeros(len(cage.points_m), bool)
+    touched[cage.faces[near]] = True
+    return np.flatnonzero(touched[cage.faces].any(axis=1))
 
 
 def _leave_out(skeleton: Skeleton, cage: BranchCage) -> ClosedBranches:
@@ -267,10 +341,10 @@ def _without(closed: ClosedBranches, lost: NDArray[np.bool_]) -> ClosedBranches:
     # A piece goes as a whole, or it would be open.
     number = np.where(gone, -1, np.cumsum(~gone) - 1).astype(np.int32)
     stays = ~gone[cage.curve]
-    pieces = find_pieces(cage.points_m, cage.faces, np.zeros((0, 3)), np.inf)
-    torn = np.zeros(len(pieces.gap_m), bool)
-    torn[pieces.of_point[cage.faces[~stays, 0]]] = True
-    cut = stays & torn[pieces.of_point[cage.faces[:, 0]]]
+    of_point, count = label_pieces(len(cage.points_m), cage.faces)
+    torn = np.zeros(count, bool)
+    torn[of_point[cage.faces[~stays, 0]]] = True
+    cut = stays & torn[of_point[cage.faces[:, 0]]]
     if cut.any():  # what is joined to a lost branch and does not hang on it: lost as well
         more = gone.copy()
         more[cage.curve[cut]] = True

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdfoliage.branch.axis_places import Exits, axis_exits, places_at
+from usdfoliage.branch.axis_places import Exits, places_at
 from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.branch.cage.limit import pull_limit
 from usdfoliage.branch.cage.rings import SHOULDER, TIP, RingMarks, ring_swell
@@ -81,16 +81,20 @@ class _Mesh:
     gain: Floats
 
 
-def stand_out(skeleton: Skeleton, exits: Exits | None = None) -> NDArray[np.bool_]:
+def stand_out(skeleton: Skeleton, exits: Exits) -> NDArray[np.bool_]:
     """(B,) whether a branch comes out of its parent far enough to be seen; roots do if they have a length."""
-    exits = exits or axis_exits(skeleton)
     tip_m = skeleton.radius_m[skeleton.first + skeleton.counts - 1]
     return np.asarray(skeleton.lengths_m > exits.arc_m + MIN_STUB * tip_m)
 
 
-def mark_twigs(skeleton: Skeleton, plain: NDArray[np.bool_], exits: Exits | None = None) -> RingMarks:
+def count_rows(skeleton: Skeleton, settings: TwigSettings = TwigSettings()) -> Floats:
+    """(B,) rows that turns and length of each branch ask for, not rounded."""
+    measure = _measure(skeleton, settings)
+    return measure[skeleton.first + skeleton.counts - 1] - measure[skeleton.first]
+
+
+def mark_twigs(skeleton: Skeleton, plain: NDArray[np.bool_], exits: Exits) -> RingMarks:
     """Rings on both sides of each twig, on what it springs from."""
-    exits = exits or axis_exits(skeleton)
     twig = np.flatnonzero(plain & (skeleton.parent_curve >= 0))
     parent = skeleton.parent_curve[twig]
     # Twigs that leave close together have rings in common: those of even steps along their parent.
@@ -102,7 +106,11 @@ def mark_twigs(skeleton: Skeleton, plain: NDArray[np.bool_], exits: Exits | None
 
 
 def draw_twigs(
-    skeleton: Skeleton, plain: NDArray[np.bool_], cage: BranchCage, settings: TwigSettings = TwigSettings()
+    skeleton: Skeleton,
+    plain: NDArray[np.bool_],
+    cage: BranchCage,
+    exits: Exits,
+    settings: TwigSettings = TwigSettings(),
 ) -> BranchCage:
     """Draw twigs out of a cage.
 
@@ -110,9 +118,9 @@ def draw_twigs(
         skeleton: All branches, which stand out of what they spring from; metres.
         plain: (B,), those that are twigs; what one of them carries is one of them, too.
         cage: The surface of the others.
+        exits: Where axes come out of what they spring from.
         settings: How closely twigs follow their axes.
     """
-    exits = axis_exits(skeleton)
     marks = mark_twigs(skeleton, plain, exits)
     mesh = _begin_mesh(cage)
     pieces: list[int] = []

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from usdfoliage.branch.axis_places import axis_exits
 from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.branch.cage.closed import ClosedBranches, PlainChoice, build_with_twigs, close_branches, thickest_above
 from usdfoliage.branch.cage.settings import BranchCageSettings
@@ -52,7 +53,7 @@ def _build_up_to(closed: ClosedBranches, order: int) -> BranchCage:
     skeleton = closed.skeleton.up_to_order(order)
     thin = (skeleton.parent_curve >= 0) & (thickest_above(skeleton) <= closed.thickest_plain_m)
     choice = PlainChoice(plain=thin, gone=np.zeros(len(skeleton), bool), twigs=TwigSettings())
-    return build_with_twigs(skeleton, choice, CAGE)
+    return build_with_twigs(skeleton, choice, CAGE, axis_exits(skeleton))
 
 
 def _describe(closed: ClosedBranches, given: int) -> list[Remark]:
