@@ -13,7 +13,7 @@ from usdfoliage.geometry.mesh_pieces import find_pieces
 AFLOAT_M = 0.002  # from all other pieces: what is nearer lets no light pass
 BARE = 2.0  # radii from an axis, within which there must be surface
 BARE_EDGES = 1.5  # or so many edges of the surface
-PLACES = 4  # on each radius of the thinnest branch would be too many: on each segment so many
+PLACES = 4  # on each segment, on average
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,20 +40,27 @@ def measure_wholeness(skeleton: Skeleton, points_m: NDArray[np.float64], faces: 
     used[faces] = True
     afloat = pieces.afloat(AFLOAT_M)
     gaps_m = pieces.gap_m[afloat]
+    bare_m = bare_lengths(skeleton, points_m, faces)
     return WoodWholeness(
         pieces=len(np.unique(pieces.of_point[used])),
         afloat=len(afloat),
         widest_gap_m=float(gaps_m[np.isfinite(gaps_m)].max(initial=0)),
-        bare=_bare_share(skeleton, points_m, np.asarray(faces), used),
+        bare=float(bare_m.sum() / max(float(skeleton.lengths_m.sum()), 1e-300)),
     )
 
 
-def _bare_share(
-    skeleton: Skeleton, points_m: NDArray[np.float64], faces: NDArray[np.integer], used: NDArray[np.bool_]
-) -> float:
-    """What of the axes' length is farther from the surface than it may be, and in no thicker branch."""
-    if not used.any():
-        return 1.0
+def bare_lengths(skeleton: Skeleton, points_m: NDArray[np.float64], faces: NDArray[np.integer]) -> NDArray[np.float64]:
+    """(B,) how much of each axis is farther from the surface than it may be, and in no thicker branch; metres.
+
+    Args:
+        skeleton: All branches; metres.
+        points_m: (P, 3), of the surface as it is drawn.
+        faces: (F, 3) or (F, 4).
+    """
+    if not len(faces):
+        return skeleton.lengths_m
+    used = np.zeros(len(points_m), bool)
+    used[faces] = True
     edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
     length_m = np.linalg.norm(points_m[edges[:, 0]] - points_m[edges[:, 1]], axis=1)
     around = np.maximum(np.bincount(edges[:, 0], minlength=len(points_m)), 1)
@@ -76,4 +83,4 @@ def _bare_share(
     # Every place stands for as much of its segment as the others of it.
     ends_m = np.linalg.norm(skeleton.points_m[places.vertex + 1] - skeleton.points_m[places.vertex], axis=1)
     shares_m = ends_m / np.bincount(places.vertex)[places.vertex]
-    return float(shares_m[off].sum() / max(float(shares_m.sum()), 1e-300))
+    return np.bincount(skeleton.curve[places.vertex[off]], shares_m[off], len(skeleton)).astype(np.float64)

@@ -82,7 +82,7 @@ def measure_gaps(
     wanted[asked] = True
     corners = np.asarray(faces, np.int32)
     ends = _edges(corners[wanted[of_point[corners[:, 0]]]])
-    edges = np.unique(np.sort(ends, axis=1), axis=0)
+    edges = ends[ends[:, 0] < ends[:, 1]]  # the other face of an edge has it the other way round
     edges = edges[np.argsort(of_point[edges[:, 0]], kind="stable")]
     first = np.searchsorted(of_point[edges[:, 0]], np.append(asked, len(wanted))).astype(np.int64)
     triangles = [corners[:, [0, 1, 2]]] + ([corners[:, [0, 2, 3]]] if corners.shape[1] == 4 else [])

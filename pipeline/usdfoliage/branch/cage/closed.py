@@ -22,7 +22,7 @@ from usdfoliage.branch.cage.twigs import SIDES, TwigSettings, count_rows, draw_t
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.pruning import PrunedSkeleton, prune_branches
 from usdfoliage.branch.rooted_tree import RootedTree
-from usdfoliage.branch.whole_wood import AFLOAT_M
+from usdfoliage.branch.whole_wood import AFLOAT_M, bare_lengths
 from usdfoliage.geometry.mesh_pieces import label_pieces, measure_gaps
 from usdfoliage.geometry.smooth_mesh import refine_smooth
 
@@ -36,7 +36,8 @@ COARSER = (1.0, 1.5, 2.0, 3.0)  # times fewer rings of twigs
 SHORT_ROUNDS = 4  # of leaving out what ends inside its parent: others then leave from there
 AFLOAT_ROUNDS = 3
 AFLOAT_LEVELS = 2  # of division, at which pieces are looked at
-THIN_M = 0.008  # radius of branches that may be lost where it is not sure that they touch
+ASTRAY = 1.0  # radii of an axis without surface, from which on a branch is drawn otherwise
+THIN_M = 0.015  # radius of branches that may be lost where it is not sure that they touch
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,7 +57,8 @@ class ClosedBranches:
     cage: BranchCage
     number: NDArray[np.int32]  # (B,), of each branch that was given in the skeleton; -1 of one that is left out
     left_out: Mapping[DropReason, int]  # how many branches
-    thickest_plain_m: float  # radius up to which branches are plain tubes; 0 where all are joined
+    plain: NDArray[np.bool_]  # (K,), branches that are twigs
+    thickest_plain_m: float  # radius up to which branches are twigs for the number of faces; 0 where there are enough
 
 
 def close_branches(
@@ -80,22 +82,25 @@ def close_branches(
     if not fits and max_faces is not None:
         settings = replace(settings, lean=True)
         choice, cage = _fit_faces(skeleton, thickness_m, max_faces, settings, exits)
+    plain_m = float(thickness_m[choice.plain].max(initial=0))
     closed = _leave_out(skeleton, cage)
+    astray = find_astray(closed)
     lost = find_afloat(closed)
-    if lost.any() and not choice.plain.all():  # as twigs they begin on the axes of their parents
-        plain = choice.plain | (np.append(lost, False)[closed.number] & (skeleton.parent_curve >= 0))
-        if (plain != choice.plain).any():
-            for branch in np.flatnonzero(skeleton.parent_curve >= 0).tolist():  # parents first
-                plain[branch] |= plain[skeleton.parent_curve[branch]]
-            cage = build_with_twigs(skeleton, replace(choice, plain=plain), settings, exits)
-            closed = _leave_out(skeleton, cage)
-    for _ in range(AFLOAT_ROUNDS):
+    # As twigs they begin where they come out, or on the axes of their parents.
+    again = np.append(astray | lost, False)[closed.number] & (skeleton.parent_curve >= 0) & ~choice.plain
+    if again.any():
+        plain = choice.plain | again
+        for branch in np.flatnonzero(skeleton.parent_curve >= 0).tolist():  # parents first
+            plain[branch] |= plain[skeleton.parent_curve[branch]]
+        choice = replace(choice, plain=plain & ~choice.gone)
+        closed = _leave_out(skeleton, build_with_twigs(skeleton, choice, settings, exits))
         lost = find_afloat(closed)
+    for _ in range(AFLOAT_ROUNDS):
         if not lost.any():
             break
         closed = _without(closed, lost)
-    plain_m = float(thickness_m[choice.plain].max(initial=0))
-    return replace(closed, thickest_plain_m=plain_m)
+        lost = find_afloat(closed)
+    return replace(closed, plain=choice.plain[closed.number >= 0], thickest_plain_m=plain_m)
 
 
 def _fit_faces(
@@ -271,13 +276,23 @@ def find_afloat(closed: ClosedBranches) -> NDArray[np.bool_]:
     piece = np.zeros(len(points_m), np.int32)
     piece[faces] = np.repeat(of_face[near], 4**AFLOAT_LEVELS)[:, None]
     gaps_m = measure_gaps(points_m, faces, piece, asked)
-    apart_m = measure_gaps(points_m, faces, piece, asked, AFLOAT_M, through=False)
     thickest_m = np.zeros(count)
     np.maximum.at(thickest_m, of_face, np.maximum.reduceat(skeleton.radius_m, skeleton.first)[cage.curve])
+    thin = asked[thickest_m[asked] < THIN_M]
     afloat = np.zeros(count, bool)
-    afloat[asked] = (gaps_m > 0) | ((apart_m > AFLOAT_M) & (thickest_m[asked] < THIN_M))
+    afloat[asked[gaps_m > 0]] = True
+    afloat[thin[measure_gaps(points_m, faces, piece, thin, AFLOAT_M, through=False) > AFLOAT_M]] = True
     lost[cage.curve[afloat[of_face]]] = True
     return lost
+
+
+def find_astray(closed: ClosedBranches) -> NDArray[np.bool_]:
+    """(B,) branches that leave their parent elsewhere than their axes do, for want of room, and come back late."""
+    skeleton, cage = closed.skeleton, closed.cage
+    if not len(cage.faces):
+        return np.zeros(len(skeleton), bool)
+    bare_m = bare_lengths(skeleton, *refine_smooth(cage.points_m, cage.faces, 1))
+    return np.asarray(bare_m > ASTRAY * np.maximum.reduceat(skeleton.radius_m, skeleton.first))
 
 
 def _faces_near(cage: BranchCage, mine: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -286,9 +301,11 @@ def _faces_near(cage: BranchCage, mine: NDArray[np.bool_]) -> NDArray[np.int64]:
     middle_m = corners_m.mean(axis=1)
     size_m = np.linalg.norm(corners_m - middle_m[:, None], axis=2).max(axis=1)
     places_m = np.concatenate([middle_m[mine], corners_m[mine].reshape(-1, 3)])
-    away_m = np.asarray(cKDTree(places_m).query(middle_m, workers=-1)[0])
-    largest_m = float(size_m[mine].max())
-    near = mine | (away_m < 2 * size_m + largest_m)
+    own_m = np.concatenate([size_m[mine], np.repeat(size_m[mine], 4)])
+    reach_m = 2 * float(size_m.max()) + float(own_m.max())
+    found = cKDTree(places_m).query(middle_m, distance_upper_bound=reach_m, workers=-1)
+    away_m, nearest = (np.asarray(each) for each in found)
+    near = mine | (away_m < 2 * size_m + np.append(own_m, 0.0)[nearest])
     touched = np.zeros(len(cage.points_m), bool)
     touched[cage.faces[near]] = True
     return np.flatnonzero(touched[cage.faces].any(axis=1))
@@ -305,6 +322,7 @@ def _leave_out(skeleton: Skeleton, cage: BranchCage) -> ClosedBranches:
             cage=cage,
             number=np.arange(len(skeleton), dtype=np.int32),
             left_out=left_out,
+            plain=np.zeros(len(skeleton), bool),
             thickest_plain_m=0,
         )
     pruned = prune_branches(skeleton, stays)
@@ -326,6 +344,7 @@ def _leave_out(skeleton: Skeleton, cage: BranchCage) -> ClosedBranches:
         ),
         number=pruned.number,
         left_out=left_out,
+        plain=np.zeros(len(pruned.skeleton), bool),
         thickest_plain_m=0,
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from usdfoliage.branch.axis_places import axis_exits
 from usdfoliage.branch.cage.build import BranchCage
-from usdfoliage.branch.cage.closed import ClosedBranches, PlainChoice, build_with_twigs, close_branches, thickest_above
+from usdfoliage.branch.cage.closed import ClosedBranches, PlainChoice, build_with_twigs, close_branches
 from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.cage.twigs import TwigSettings
@@ -49,10 +49,10 @@ def build_surfaces(skeleton: Skeleton, max_faces: int = MOST_FACES) -> MadeSurfa
 
 
 def _build_up_to(closed: ClosedBranches, order: int) -> BranchCage:
-    """The surface of the branches up to an order, plain tubes where the whole has them."""
+    """The surface of the branches up to an order, twigs where the whole has them."""
     skeleton = closed.skeleton.up_to_order(order)
-    thin = (skeleton.parent_curve >= 0) & (thickest_above(skeleton) <= closed.thickest_plain_m)
-    choice = PlainChoice(plain=thin, gone=np.zeros(len(skeleton), bool), twigs=TwigSettings())
+    plain = closed.plain[closed.skeleton.order <= order]
+    choice = PlainChoice(plain=plain, gone=np.zeros(len(skeleton), bool), twigs=TwigSettings())
     return build_with_twigs(skeleton, choice, CAGE, axis_exits(skeleton))
 
 
@@ -71,8 +71,8 @@ def _describe(closed: ClosedBranches, given: int) -> list[Remark]:
         remarks.append(remark("branches-beside-parent", text))
     if closed.thickest_plain_m:
         text = (
-            f"branches of up to {2000 * closed.thickest_plain_m:.2g} mm across are plain tubes that run out of their "
-            f"parents, so that the surface has {len(closed.cage.faces):,} faces"
+            f"branches of up to {2000 * closed.thickest_plain_m:.3g} mm across have four sides, so that the surface "
+            f"has {len(closed.cage.faces):,} faces"
         )
         remedy = ("give ", Setting(name="branches.max_faces"), " where more may be drawn")
         remarks.append(remark("branches-plain", text, remedy=remedy))
