@@ -1,0 +1,125 @@
+"""The surface of branches in one piece, within a number of faces."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from usdfoliage.branch.axis_places import axis_exits
+from usdfoliage.branch.cage.build import check_cage
+from usdfoliage.branch.cage.closed import PlainChoice, build_with_twigs, close_branches, find_afloat
+from usdfoliage.branch.cage.drop_reason import DropReason
+from usdfoliage.branch.cage.settings import BranchCageSettings
+from usdfoliage.branch.cage.twigs import TwigSettings
+from usdfoliage.branch.whole_wood import measure_wholeness
+from usdfoliage.geometry.smooth_mesh import refine_smooth
+
+from tests.support.branch_shapes import off_axis, plant_of, random_tree
+
+UP = np.array([0.0, 1.0, 0.0])
+TRUNK = np.linspace(0, 2, 21)[:, None] * UP
+SIDE = np.array([[0, 1.0, 0], [0.3, 1.05, 0], [0.6, 1.2, 0]])
+
+
+def plant(twig_m=0.01, trunk_m=0.05):
+    """A trunk of 2 m and a twig of .6 m from its middle, with a twig of its own from its end."""
+    end = np.array([SIDE[-1], SIDE[-1] + [0.2, 0.1, 0.1]])
+    return plant_of((TRUNK, trunk_m, None, 0), (SIDE, twig_m, 0, 10), (end, twig_m / 2, 1, 2))
+
+
+def twigs(skeleton, plain, coarser=1.0):
+    choice = PlainChoice(plain=np.array(plain), gone=np.zeros(len(skeleton), bool), twigs=TwigSettings(coarser=coarser))
+    return build_with_twigs(skeleton, choice, BranchCageSettings(), axis_exits(skeleton))
+
+
+def test_a_twig_is_drawn_out_of_a_face_of_the_trunk():
+    skeleton = plant()
+    cage = twigs(skeleton, [False, True, True])
+    checked = check_cage(cage)
+    assert checked.clean
+    assert checked.components == 1
+    assert not cage.dropped
+    assert not cage.loose
+    assert (cage.curve == 2).sum() == 13  # four rows of three, and a cap
+    points, faces = refine_smooth(cage.points_m, cage.faces, 3)
+    points = points[np.unique(faces[np.repeat(cage.curve == 1, 4**3)])]
+    apart, along = off_axis(points, SIDE, np.full(3, 0.01))
+    middle = (along > 0.15) & (along < 0.5)
+    assert np.abs(apart[middle] - 1).max() < 1  # between two rings the surface cuts a bend
+    assert along.max() == pytest.approx(np.linalg.norm(np.diff(SIDE, axis=0), axis=1).sum(), abs=0.004)
+
+
+def test_a_straight_twig_is_round():
+    side = np.array([[0, 1.0, 0], [0.6, 1.1, 0]])
+    cage = twigs(plant_of((TRUNK, 0.05, None, 0), (side, 0.01, 0, 10)), [False, True])
+    points, faces = refine_smooth(cage.points_m, cage.faces, 3)
+    points = points[np.unique(faces[np.repeat(cage.curve == 1, 4**3)])]
+    apart, along = off_axis(points, side, np.full(2, 0.01))
+    off = np.abs(apart[(along > 0.15) & (along < 0.5)] - 1)
+    assert np.median(off) < 0.12
+    assert off.max() < 0.35  # towards its ends, where rows are long
+
+
+def test_a_twig_has_its_own_texture_coordinates_from_where_it_leaves():
+    cage = twigs(plant(), [False, True, True])
+    st_m = cage.st_m[cage.face_st[cage.curve == 1]]
+    rows = st_m[st_m[..., 0].min(axis=1) >= 0, :, 1]  # caps are flat about their middle
+    assert rows.min() > 0.03  # outside of the trunk, whose radius is 5 cm
+    assert rows.max() == pytest.approx(0.64, abs=0.01)
+
+
+def test_a_twig_without_a_free_face_begins_inside_of_its_parent():
+    parts = [(TRUNK, 0.05, None, 0)]
+    for turn in np.linspace(0, 2 * np.pi, 30, endpoint=False):
+        tip = TRUNK[10] + 0.3 * np.array([np.cos(turn), 0, np.sin(turn)])
+        parts.append((np.array([TRUNK[10], tip]), 0.004, 0, 10))
+    skeleton = plant_of(*parts)
+    closed = close_branches(skeleton, max_faces=900)
+    assert check_cage(closed.cage).clean
+    assert closed.cage.loose
+    assert not find_afloat(closed).any()
+    assert len(closed.skeleton) == 31
+
+
+def test_what_ends_inside_its_parent_is_in_neither_and_what_it_carries_goes_on():
+    inside = np.array([[0, 1.0, 0], [0.03, 1.0, 0]])
+    outside = np.array([[0.03, 1.0, 0], [0.5, 1.1, 0]])
+    skeleton = plant_of((TRUNK, 0.05, None, 0), (inside, 0.02, 0, 10), (outside, 0.01, 1, 1))
+    for max_faces in (None, 150):
+        closed = close_branches(skeleton, max_faces=max_faces)
+        assert closed.left_out in ({DropReason.TOO_SHORT: 1}, {DropReason.COVERED: 1})
+        assert closed.number.tolist() == [0, -1, 1]
+        assert closed.skeleton.parent_curve.tolist() == [-1, 0]
+        assert set(closed.cage.curve.tolist()) == {0, 1}
+        assert closed.cage.order.max() == 1
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**31), wild=st.booleans(), each=st.sampled_from([None, 60, 30, 20]))
+def test_the_surface_of_any_tree_is_closed_and_that_of_its_skeleton(seed, wild, each):
+    tree = random_tree(seed, 20, wild)
+    max_faces = None if each is None else max(each * len(tree), 400)
+    closed = close_branches(tree, max_faces=max_faces)
+    cage = closed.cage
+    assert check_cage(cage).clean
+    assert not find_afloat(closed).any()
+    assert sorted(set(cage.curve.tolist())) == list(range(len(closed.skeleton)))
+    assert np.array_equal(cage.order, closed.skeleton.order[cage.curve])
+    assert len(tree) - len(closed.skeleton) == sum(closed.left_out.values())
+    assert max_faces is None or len(cage.faces) <= max_faces or len(closed.skeleton) == 1
+    found = measure_wholeness(closed.skeleton, *refine_smooth(cage.points_m, cage.faces, 2))
+    assert found.bare < 0.25 if wild else found.bare < 0.05
+
+
+def test_fewer_faces_leave_the_thick_branches_joined():
+    tree = random_tree(32, 20)
+    assert len(tree) > 10
+    whole = close_branches(tree)
+    few = close_branches(tree, max_faces=len(whole.cage.faces) // 2)
+    assert len(few.cage.faces) <= len(whole.cage.faces) // 2
+    assert few.thickest_plain_m > 0 or few.left_out
+
+
+def test_the_same_tree_gives_the_same_surface():
+    one, two = (close_branches(random_tree(7, 20), max_faces=700) for _ in range(2))
+    assert np.array_equal(one.cage.points_m, two.cage.points_m)
+    assert np.array_equal(one.cage.faces, two.cage.faces)
