@@ -38,6 +38,6 @@ void bind_piece_gaps(nb::module_& m) {
     m.def("piece_gaps", &gaps, "points"_a, "corners"_a, "piece"_a, nb::kw_only(), "asked_edges"_a, "asked_first"_a,
           "asked_pieces"_a, "near_enough"_a, "through"_a, "threads"_a,
           "Distance (Q,) of each asked piece of a mesh of triangles (T, 3) to all others; where through is true, 0 where an "
-          "edge of it goes through one; piece (P,) is that of each point. What is nearer than near_enough need not be the least. Arguments are "
+          "edge of it goes through one; piece (P,) is that of each point. What is nearer than near_enough need not be the smallest. Arguments are "
           "trusted.");
 }

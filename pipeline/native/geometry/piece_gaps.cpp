@@ -200,11 +200,11 @@ std::vector<double> piece_gaps(const PieceMesh& mesh, const PieceEdges& asked, d
                 return;
             }
         }
-        double least = kFar;
-        for (std::int64_t i = asked.first[q]; i < asked.first[q + 1] && least > enough; ++i) {
-            least = tree.square_to_others(point(asked.ends[2 * i]), own, least);
+        double closest = kFar;
+        for (std::int64_t i = asked.first[q]; i < asked.first[q + 1] && closest > enough; ++i) {
+            closest = tree.square_to_others(point(asked.ends[2 * i]), own, closest);
         }
-        gaps[q] = std::sqrt(least);
+        gaps[q] = std::sqrt(closest);
     });
     return gaps;
 }

@@ -23,7 +23,7 @@ struct PieceEdges {
 };
 
 // How far the ends of each piece's edges are from all other pieces: infinity where there is no other piece. What is nearer
-// than `near_enough` need not be the least.
+// than `near_enough` need not be the smallest.
 //
 // Triangles are found in a tree of boxes that know when all of theirs are of one piece.
 //

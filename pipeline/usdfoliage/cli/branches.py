@@ -54,7 +54,7 @@ def _add_tracing(parser: argparse._ActionsContainer) -> None:
     from usdfoliage.asset.parts.branch_part import BranchAssetSettings
     from usdfoliage.branch.tracing.reconstruct import BranchSettings
     from usdfoliage.jobs.branches.regrowth import MAX_VARIATIONS, METHODS, RegrowthRequest
-    from usdfoliage.jobs.branches.surfaces import FACES_A_POINT, FEWEST_FACES, MIN_FACES, MOST_FACES
+    from usdfoliage.jobs.branches.surfaces import FACES_A_POINT, MAX_FACES, MIN_FACES, MIN_MAX_FACES
     from usdfoliage.jobs.plant_cloud import MIN_POINTS, PlantCloudRequest
 
     parser.add_argument(
@@ -85,8 +85,8 @@ def _add_tracing(parser: argparse._ActionsContainer) -> None:
         dest="max_faces",
         metavar="N",
         type=int,
-        help=f"The surface has this many faces at most, {MIN_FACES} or more. The default is {FACES_A_POINT} for each "
-        f"point of the cloud, from {FEWEST_FACES} to {MOST_FACES}.",
+        help=f"The surface has this many faces at most, {MIN_MAX_FACES} or more. The default is {FACES_A_POINT} for each "
+        f"point of the cloud, from {MIN_FACES} to {MAX_FACES}.",
     )
     parser.add_argument(
         "--fill-hidden",

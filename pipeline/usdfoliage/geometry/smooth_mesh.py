@@ -36,9 +36,9 @@ def refine_smooth(
     return refined.points, refined.faces.reshape(-1, 4)
 
 
-def choose_levels(faces: int, most_faces: int) -> int:
+def choose_levels(faces: int, max_faces: int) -> int:
     """So many levels, 1 or more, that there are at most so many faces where that can be."""
     levels = 1
-    while levels < FAR_ENOUGH and faces * 4 ** (levels + 1) <= most_faces:
+    while levels < FAR_ENOUGH and faces * 4 ** (levels + 1) <= max_faces:
         levels += 1
     return levels

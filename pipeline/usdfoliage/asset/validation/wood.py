@@ -12,8 +12,8 @@ from usdfoliage.errors import AssetError
 from usdfoliage.geometry.smooth_mesh import choose_levels, refine_smooth
 
 VALIDATOR = "usdfoliage:WoodChecker"
-MOST_BARE = 0.01  # share of the axes' length
-_MOST_FACES = 1_000_000  # of the surface, refined
+MAX_BARE = 0.01  # share of the axes' length
+_MAX_FACES = 1_000_000  # of the surface, refined
 
 
 def check_wood(stage: Usd.Stage) -> list[Finding] | None:
@@ -43,7 +43,7 @@ def check_wood(stage: Usd.Stage) -> list[Finding] | None:
         return None
     points, faces = points.astype(np.float64), corners.reshape(-1, counts[0])
     if counts[0] == 4 and mesh.GetSubdivisionSchemeAttr().Get() == UsdGeom.Tokens.catmullClark:
-        points, faces = refine_smooth(points, faces, choose_levels(len(faces), _MOST_FACES))
+        points, faces = refine_smooth(points, faces, choose_levels(len(faces), _MAX_FACES))
     unit_m = UsdGeom.GetStageMetersPerUnit(stage)
     found = measure_wholeness(skeleton, points, faces)
     findings = []
@@ -56,7 +56,7 @@ def check_wood(stage: Usd.Stage) -> list[Finding] | None:
                 f"up to {1000 * unit_m * found.widest_gap_m:.2g} mm; build the asset again",
             )
         )
-    if found.bare > MOST_BARE:
+    if found.bare > MAX_BARE:
         findings.append(
             _finding(
                 "BareAxis",

@@ -80,7 +80,7 @@ def build_branch_cage(
 
 
 def _append_mesh(cage: BranchCage, mesh: BranchCage, order: NDArray[np.integer]) -> BranchCage:
-    """A cage and another mesh beside it, whose branches are numbered alike; its orders (F,) are given."""
+    """A cage and another mesh beside it, whose branches have the same numbers; its orders (F,) are given."""
     points, corners = len(cage.points_m), len(cage.st_m)
     rings = int(cage.ring.max(initial=-1)) + 1
     return replace(

@@ -153,10 +153,10 @@ def _join_thickest(
     each = EACH_JOINED
     may = np.flatnonzero(skeleton.parent_curve >= 0)
     ordered_m = np.sort(thickness_m[may])[::-1]
-    best, least = fits, len(fits[1].faces)
+    best, fewest = fits, len(fits[1].faces)
     for _ in range(JOINING_ROUNDS):
-        wanted = int((max_faces - least) * NEARLY / each)
-        if least >= NEARLY * max_faces or wanted <= 0 or not len(may):
+        wanted = int((max_faces - fewest) * NEARLY / each)
+        if fewest >= NEARLY * max_faces or wanted <= 0 or not len(may):
             break
         # Of branches of one thickness all are twigs or none, so that what a twig carries is one.
         thinnest_m = ordered_m[min(wanted, len(may)) - 1]
@@ -169,7 +169,7 @@ def _join_thickest(
                 best = choice, cage
             if joined == len(may) or len(cage.faces) >= NEARLY * max_faces:
                 break
-        each = max((len(cage.faces) - least) / joined, 1.0)
+        each = max((len(cage.faces) - fewest) / joined, 1.0)
     return best
 
 

@@ -299,12 +299,12 @@ def _thin_out(curve: Ints, arc_m: Floats, radius_m: Floats) -> NDArray[np.bool_]
     """(R,) which of ordered rings stay: a twig's first and last one, the one beside the tip, and what is not close."""
     begins, tip = np.diff(curve, prepend=-1) != 0, np.diff(curve, append=-1) != 0
     keep = np.ones(len(curve), bool)
-    held = begins | tip | np.append(tip[1:], False)
+    needed = begins | tip | np.append(tip[1:], False)
     last_m, last_curve = -np.inf, -1
     for number in range(len(curve)):
         if curve[number] != last_curve:
             last_m, last_curve = -np.inf, int(curve[number])
-        if not held[number] and arc_m[number] - last_m < NEAREST * radius_m[number]:
+        if not needed[number] and arc_m[number] - last_m < NEAREST * radius_m[number]:
             keep[number] = False
             continue
         last_m = float(arc_m[number])

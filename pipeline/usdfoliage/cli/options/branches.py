@@ -21,7 +21,7 @@ from usdfoliage.jobs.branches.foliage import FITTED, NONE, FoliageRequest
 from usdfoliage.jobs.branches.motion import BranchMotion
 from usdfoliage.jobs.branches.regrowth import MAX_VARIATIONS, RegrowthRequest
 from usdfoliage.jobs.branches.run import BranchesRequest
-from usdfoliage.jobs.branches.surfaces import MIN_FACES
+from usdfoliage.jobs.branches.surfaces import MIN_MAX_FACES
 from usdfoliage.jobs.edits.scatter import LENGTHS_M, MAX_LEAVES, read_color
 from usdfoliage.jobs.plant_cloud import MIN_POINTS, PlantCloudRequest, read_roots, read_unit, read_up
 
@@ -66,8 +66,8 @@ def read_branches_request(options: argparse.Namespace) -> BranchesRequest:
 
 
 def _read_max_faces(options: argparse.Namespace) -> int | None:
-    if options.max_faces is not None and options.max_faces < MIN_FACES:
-        raise FoliageError(f"--most-faces must be at least {MIN_FACES}, not {options.max_faces}")
+    if options.max_faces is not None and options.max_faces < MIN_MAX_FACES:
+        raise FoliageError(f"--most-faces must be at least {MIN_MAX_FACES}, not {options.max_faces}")
     faces: int | None = options.max_faces
     return faces
 

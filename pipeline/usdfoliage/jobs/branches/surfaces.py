@@ -14,8 +14,8 @@ from usdfoliage.branch.model import Skeleton
 from usdfoliage.remarks import Remark, Setting, remark
 
 FACES_A_POINT = 6  # of a cloud, that the surface of its branches may have
-FEWEST_FACES, MOST_FACES = 30_000, 400_000
-MIN_FACES = 1000  # that may be asked for
+MIN_FACES, MAX_FACES = 30_000, 400_000
+MIN_MAX_FACES = 1000  # that may be asked for
 CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0)  # bends are those of points that were measured
 _COARSER_ORDERS = (1, 2)  # variants of the surface
 
@@ -32,10 +32,10 @@ class MadeSurfaces:
 
 def faces_of_cloud(points: int) -> int:
     """How many faces the surface of branches may have that were found in so many points."""
-    return min(max(FACES_A_POINT * points, FEWEST_FACES), MOST_FACES)
+    return min(max(FACES_A_POINT * points, MIN_FACES), MAX_FACES)
 
 
-def build_surfaces(skeleton: Skeleton, max_faces: int = MOST_FACES) -> MadeSurfaces:
+def build_surfaces(skeleton: Skeleton, max_faces: int = MAX_FACES) -> MadeSurfaces:
     """The surface of all branches and those of the lower orders, with at most so many faces each."""
     closed = close_branches(skeleton, CAGE, max_faces)
     highest = int(closed.skeleton.order.max())
