@@ -85,8 +85,8 @@ def _add_tracing(parser: argparse._ActionsContainer) -> None:
         dest="max_faces",
         metavar="N",
         type=int,
-        help=f"The surface has this many faces at most, {MIN_MAX_FACES} or more. The default is {FACES_A_POINT} for each "
-        f"point of the cloud, from {MIN_FACES} to {MAX_FACES}.",
+        help=f"The surface has this many faces at most, {MIN_MAX_FACES} or more. The default is {FACES_A_POINT} for "
+        f"each point of the cloud, from {MIN_FACES} to {MAX_FACES}.",
     )
     parser.add_argument(
         "--fill-hidden",
