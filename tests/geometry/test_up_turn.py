@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from usdfoliage.geometry.up_turn import AXES, axis_vector, turn_to_y_up
 
 NUMBER = st.floats(-1, 1)
 
 
+@example(x=0.0, y=-1.0, z=1e-6)
+@example(x=1e-9, y=-1.0, z=0.0)
 @given(x=NUMBER, y=NUMBER, z=NUMBER)
 def test_any_direction_becomes_y_by_the_smallest_turn(x, y, z):
     vector = np.array([x, y, z])

@@ -31,7 +31,7 @@ from usdfoliage.branch.cage.build import BranchCage, build_branch_cage, check_ca
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.tracing.reconstruct import TracedBranches, reconstruct_branches
 from usdfoliage.branch.tracing.roots import RootSettings
-from usdfoliage.jobs.branches.run import CAGE
+from usdfoliage.jobs.branches.surfaces import CAGE
 from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 
 from tools.bench.branch_cost import measure_cost

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
+_SMALLEST = 1e-24  # square of a sine that is taken for 0
 _UNIT = 1e-9  # by which the length of a direction may differ from 1
 
 
@@ -23,14 +24,17 @@ def turn_to_y_up(axis: NDArray[np.floating]) -> NDArray[np.float64]:
     if axis.shape != (3,) or not abs(float(np.linalg.norm(axis)) - 1) <= _UNIT:
         raise ValueError(f"axis must be a direction of length 1, such as one of ±X, ±Y, ±Z, not {axis}")
     y = np.array([0.0, 1.0, 0.0])
-    if abs(axis[1]) == 1 or axis[1] < _UNIT - 1:  # beyond, the smallest turn is about no one axis
+    square = float(axis[0] ** 2 + axis[2] ** 2)  # of the sine of the angle between the two
+    if square < _SMALLEST:  # then the smallest turn to Y, or from -Y, is about no one axis
         return np.diag([1.0, np.sign(axis[1]), np.sign(axis[1])])
     across = np.cross(axis, y)
     if axis[1] == 0:
         # About what is across both by a quarter turn: it stays, axis goes to y and y to -axis.
         return np.outer(across, across) + np.outer(y, axis) - np.outer(axis, y) + 0.0
     skew = np.array([[0, -across[2], across[1]], [across[2], 0, -across[0]], [-across[1], across[0], 0]])
-    return np.asarray(np.eye(3) + skew + skew @ skew / (1 + axis[1]))  # Rodrigues' formula
+    # Near -Y the sum 1 + cos has lost all its digits.
+    beyond = square / (1 - axis[1]) if axis[1] < 0 else 1 + axis[1]
+    return np.asarray(np.eye(3) + skew + skew @ skew / beyond)  # Rodrigues' formula
 
 
 def axis_vector(name: str) -> NDArray[np.float64]:

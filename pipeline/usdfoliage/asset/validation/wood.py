@@ -27,6 +27,8 @@ def check_wood(stage: Usd.Stage) -> list[Finding] | None:
     curves, surface = find_skeleton(plant), find_branches(plant)
     if curves is None or surface is None:
         return None
+    if any(UsdGeom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying() for prim in (curves, surface)):
+        return None  # a plant that grows is whole at last alone
     try:
         skeleton = read_skeleton(curves)
     except AssetError:
