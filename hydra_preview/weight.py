@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 MAX_FACES = 2_750_000  # of refined subdivision surfaces at once: 2.7 million were drawn, of 3.5 million Storm fails
-MANY = 1_000_000  # triangles, from which on a larger picture costs less than several samples of a pixel
+MANY = 100_000  # triangles, from which on a larger picture costs less than several samples of a pixel
 MAX_TRIANGLES = 20_000_000  # beyond them plants are drawn in a lighter form
 CARD_TRIANGLES = 12
 MAX_SIDE_PX = 8192  # as the product has it, whose pictures may be no larger

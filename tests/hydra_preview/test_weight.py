@@ -66,7 +66,7 @@ def test_surfaces_are_refined_as_far_as_storm_holds_them(cage_faces, wanted, cho
 
 
 def test_pictures_of_much_are_larger_where_they_may_be():
-    small, much = Weight(triangles=900_000), Weight(triangles=300_000, cage_faces=100_000)
+    small, much = Weight(triangles=90_000), Weight(triangles=30_000, cage_faces=10_000)
     assert choose_scale(small, 1.0, 4, [(960, 960)]) == 1
     assert choose_scale(much, 1.0, 4, [(960, 960)]) == 1
     assert choose_scale(much, 1.1, 4, [(960, 960)]) == 2
