@@ -34,6 +34,7 @@ ROUNDS = 3  # of choosing what is left out
 JOINING_ROUNDS = 2  # of choosing what is joined
 COARSER = (1.0, 1.5, 2.0, 3.0)  # times fewer rings of twigs
 SHORT_ROUNDS = 4  # of leaving out what ends inside its parent: others then leave from there
+ASTRAY_ROUNDS = 3  # of drawing otherwise what is bare, for others come to lie elsewhere then
 AFLOAT_ROUNDS = 3
 AFLOAT_LEVELS = 2  # of division, at which pieces are looked at
 ASTRAY = 1.0  # radii of an axis without surface, from which on a branch is drawn otherwise
@@ -84,11 +85,13 @@ def close_branches(
         choice, cage = _fit_faces(skeleton, thickness_m, max_faces, settings, exits)
     plain_m = float(thickness_m[choice.plain].max(initial=0))
     closed = _leave_out(skeleton, cage)
-    astray = find_astray(closed)
     lost = find_afloat(closed)
-    # As twigs they begin where they come out, or on the axes of their parents.
-    again = np.append(astray | lost, False)[closed.number] & (skeleton.parent_curve >= 0) & ~choice.plain
-    if again.any():
+    for _ in range(ASTRAY_ROUNDS):
+        # As twigs they begin where they come out, or on the axes of their parents.
+        astray = np.append(find_astray(closed) | lost, False)[closed.number]
+        again = astray & (skeleton.parent_curve >= 0) & ~choice.plain
+        if not again.any():
+            break
         plain = choice.plain | again
         for branch in np.flatnonzero(skeleton.parent_curve >= 0).tolist():  # parents first
             plain[branch] |= plain[skeleton.parent_curve[branch]]
