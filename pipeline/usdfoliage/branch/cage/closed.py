@@ -34,10 +34,11 @@ ROUNDS = 3  # of choosing what is left out
 JOINING_ROUNDS = 2  # of choosing what is joined
 COARSER = (1.0, 1.5, 2.0, 3.0)  # times fewer rings of twigs
 SHORT_ROUNDS = 4  # of leaving out what ends inside its parent: others then leave from there
-ASTRAY_ROUNDS = 3  # of drawing otherwise what is bare, for others come to lie elsewhere then
+ASTRAY_ROUNDS = 2  # of drawing otherwise what is bare, for others come to lie elsewhere then
 AFLOAT_ROUNDS = 3
 AFLOAT_LEVELS = 2  # of division, at which pieces are looked at
 ASTRAY = 1.0  # radii of an axis without surface, from which on a branch is drawn otherwise
+TOUCH_M = 0.5 * AFLOAT_M  # between points of thin branches and what they run into
 THIN_M = 0.015  # radius of branches that may be lost where it is not sure that they touch
 
 
@@ -284,7 +285,7 @@ def find_afloat(closed: ClosedBranches) -> NDArray[np.bool_]:
     thin = asked[thickest_m[asked] < THIN_M]
     afloat = np.zeros(count, bool)
     afloat[asked[gaps_m > 0]] = True
-    afloat[thin[measure_gaps(points_m, faces, piece, thin, AFLOAT_M, through=False) > AFLOAT_M]] = True
+    afloat[thin[measure_gaps(points_m, faces, piece, thin, TOUCH_M, through=False) > TOUCH_M]] = True
     lost[cage.curve[afloat[of_face]]] = True
     return lost
 
