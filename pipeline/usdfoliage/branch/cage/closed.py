@@ -86,10 +86,11 @@ def close_branches(
         choice, cage = _fit_faces(skeleton, thickness_m, max_faces, settings, exits)
     plain_m = float(thickness_m[choice.plain].max(initial=0))
     closed = _leave_out(skeleton, cage)
-    lost = find_afloat(closed)
+    lost, first = find_afloat(closed), closed
     for _ in range(ASTRAY_ROUNDS):
         # As twigs they begin where they come out, or on the axes of their parents.
-        astray = np.append(find_astray(closed) | lost, False)[closed.number]
+        astray = find_astray(closed)
+        astray = np.append(astray | lost if closed is first else astray, False)[closed.number]
         again = astray & (skeleton.parent_curve >= 0) & ~choice.plain
         if not again.any():
             break
@@ -98,7 +99,7 @@ def close_branches(
             plain[branch] |= plain[skeleton.parent_curve[branch]]
         choice = replace(choice, plain=plain & ~choice.gone)
         closed = _leave_out(skeleton, build_with_twigs(skeleton, choice, settings, exits))
-        lost = find_afloat(closed)
+    lost = lost if closed is first else find_afloat(closed)
     for _ in range(AFLOAT_ROUNDS):
         if not lost.any():
             break
