@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from usdfoliage._native import refine_catmull_clark
 
-FAR_ENOUGH = 3  # levels, beyond which nothing is refined to come near a number of faces
+MAX_LEVELS = 3  # that choose_levels chooses
 
 
 def refine_smooth(
@@ -16,7 +16,7 @@ def refine_smooth(
     Args:
         points: (P, 3).
         faces: (F, 4).
-        levels: How often every face is divided in four, 1 or more.
+        levels: How often every face is divided in four; 0: the points are the limits of the mesh's own.
 
     Returns:
         Points (Q, 3) and faces (F * 4 ** levels, 4); those of one face follow each other.
@@ -39,6 +39,6 @@ def refine_smooth(
 def choose_levels(faces: int, max_faces: int) -> int:
     """So many levels, 1 or more, that there are at most so many faces where that can be."""
     levels = 1
-    while levels < FAR_ENOUGH and faces * 4 ** (levels + 1) <= max_faces:
+    while levels < MAX_LEVELS and faces * 4 ** (levels + 1) <= max_faces:
         levels += 1
     return levels

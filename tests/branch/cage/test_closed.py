@@ -12,6 +12,7 @@ from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.twigs import TwigSettings
 from usdfoliage.branch.whole_wood import measure_wholeness
 from usdfoliage.geometry.smooth_mesh import refine_smooth
+from usdfoliage.jobs.branches.surfaces import build_surfaces
 
 from tests.support.branch_shapes import off_axis, plant_of, random_tree
 
@@ -91,6 +92,29 @@ def test_what_ends_inside_its_parent_is_in_neither_and_what_it_carries_goes_on()
         assert closed.skeleton.parent_curve.tolist() == [-1, 0]
         assert set(closed.cage.curve.tolist()) == {0, 1}
         assert closed.cage.order.max() == 1
+
+
+def test_a_twig_that_goes_on_from_elsewhere_keeps_its_place_along_its_axis():
+    inside = np.array([[0, 1.0, 0], [0.03, 1.0, 0]])
+    outside = np.array([[0.03, 1.0, 0], [0.5, 1.1, 0]])
+    skeleton = plant_of((TRUNK, 0.05, None, 0), (inside, 0.02, 0, 10), (outside, 0.01, 1, 1))
+    closed = close_branches(skeleton, max_faces=150)
+    assert closed.plain.tolist() == [False, True]
+    st_m = closed.cage.st_m[closed.cage.face_st[closed.cage.curve == 1]]
+    rows = st_m[st_m[..., 0].min(axis=1) >= 0, :, 1]
+    assert rows.max() == pytest.approx(closed.skeleton.lengths_m[1])
+    assert (rows > 0.03).all()
+
+
+def test_the_surfaces_of_lower_orders_are_as_lean_as_the_whole():
+    tree = random_tree(32, 20)
+    closed = close_branches(tree, max_faces=700)
+    assert closed.settings.lean
+    made = build_surfaces(tree, 700)
+    assert len(made.surfaces.whole.faces) <= 700
+    (_, first), *_ = made.surfaces.by_order
+    assert (first.order <= 1).all()
+    assert len(first.faces) <= (made.surfaces.whole.order <= 1).sum() + 13  # a face for each twig that left there
 
 
 @settings(max_examples=25, deadline=None)

@@ -1,8 +1,8 @@
 """The surface of a plant's branches in one piece, within a number of faces, and the skeleton that it belongs to.
 
 What cannot be in the surface is not in the skeleton: a branch that ends inside its parent, or that nothing joins to
-it. The thicker branches are joined, the thinnest are plain tubes where all together would have too many faces. The
-method is our own.
+it. The thicker branches are joined, the thinnest are twigs where all together would have too many faces. The method
+is our own.
 """
 
 from collections import Counter
@@ -44,7 +44,7 @@ THIN_M = 0.015  # radius of branches that may be lost where it is not sure that 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlainChoice:
-    """Which branches are plain tubes, which are left out, and how coarse twigs are."""
+    """Which branches are twigs, which are left out, and how coarse twigs are."""
 
     plain: NDArray[np.bool_]  # (B,)
     gone: NDArray[np.bool_]  # (B,)
@@ -57,6 +57,8 @@ class ClosedBranches:
 
     skeleton: Skeleton
     cage: BranchCage
+    settings: BranchCageSettings  # of what is joined
+    twigs: TwigSettings
     number: NDArray[np.int32]  # (B,), of each branch that was given in the skeleton; -1 of one that is left out
     left_out: Mapping[DropReason, int]  # how many branches
     plain: NDArray[np.bool_]  # (K,), branches that are twigs
@@ -85,7 +87,7 @@ def close_branches(
         settings = replace(settings, lean=True)
         choice, cage = _fit_faces(skeleton, thickness_m, max_faces, settings, exits)
     plain_m = float(thickness_m[choice.plain].max(initial=0))
-    closed = _leave_out(skeleton, cage)
+    closed = _leave_out(skeleton, cage, choice, settings)
     lost, first = find_afloat(closed), closed
     for _ in range(ASTRAY_ROUNDS):
         # As twigs they begin where they come out, or on the axes of their parents.
@@ -94,18 +96,17 @@ def close_branches(
         again = astray & (skeleton.parent_curve >= 0) & ~choice.plain
         if not again.any():
             break
-        plain = choice.plain | again
-        for branch in np.flatnonzero(skeleton.parent_curve >= 0).tolist():  # parents first
-            plain[branch] |= plain[skeleton.parent_curve[branch]]
+        plain = _with_carried(skeleton, choice.plain | again)
         choice = replace(choice, plain=plain & ~choice.gone)
-        closed = _leave_out(skeleton, build_with_twigs(skeleton, choice, settings, exits))
+        cage = build_with_twigs(skeleton, choice, settings, exits)
+        closed = _leave_out(skeleton, cage, choice, settings)
     lost = lost if closed is first else find_afloat(closed)
     for _ in range(AFLOAT_ROUNDS):
         if not lost.any():
             break
         closed = _without(closed, lost)
         lost = find_afloat(closed)
-    return replace(closed, plain=choice.plain[closed.number >= 0], thickest_plain_m=plain_m)
+    return replace(closed, thickest_plain_m=plain_m)
 
 
 def _fit_faces(
@@ -186,9 +187,7 @@ def _thinnest_tips(
     more = min(count, int((~gone & (skeleton.parent_curve >= 0)).sum()))
     left_out = gone.copy()
     left_out[order[:more]] = True
-    for branch in np.flatnonzero(skeleton.parent_curve >= 0).tolist():  # parents first: of one thickness it may be one
-        left_out[branch] |= left_out[skeleton.parent_curve[branch]]
-    return left_out
+    return _with_carried(skeleton, left_out)  # of one thickness a parent may be one
 
 
 def build_with_twigs(skeleton: Skeleton, choice: PlainChoice, settings: BranchCageSettings, exits: Exits) -> BranchCage:
@@ -231,10 +230,9 @@ def build_with_twigs(skeleton: Skeleton, choice: PlainChoice, settings: BranchCa
     back = replace(cage, curve=pruned.number[cage.curve], fork_curve=pruned.number[cage.fork_curve], loose=())
     drawn = draw_twigs(pruned.skeleton, choice.plain[kept], back, pruned_exits, choice.twigs)
     # As the skeleton that was given has them: a branch begins at its own first point.
-    st_m, owner = drawn.st_m.copy(), np.zeros(len(drawn.st_m), np.int64)
-    owner[drawn.face_st[len(cage.faces) :]] = drawn.curve[len(cage.faces) :, None]
-    of_twigs = np.arange(len(st_m)) >= len(cage.st_m)
-    st_m[of_twigs, 1] -= pruned.prefix_m[owner[of_twigs]]
+    # What is joined does so already.
+    later_m = np.where(choice.plain[kept], pruned.prefix_m, 0.0)[drawn.curve]
+    st_m = _begin_earlier(drawn.st_m, drawn.face_st, -later_m)
     numbered = replace(
         drawn,
         st_m=st_m,
@@ -316,50 +314,61 @@ def _faces_near(cage: BranchCage, mine: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.flatnonzero(touched[cage.faces].any(axis=1))
 
 
-def _leave_out(skeleton: Skeleton, cage: BranchCage) -> ClosedBranches:
+def _leave_out(
+    skeleton: Skeleton, cage: BranchCage, choice: PlainChoice, settings: BranchCageSettings
+) -> ClosedBranches:
     """Leave out of the skeleton what the cage lacks."""
     left_out = Counter(each.reason for each in cage.dropped)
     stays = np.ones(len(skeleton), bool)
     stays[[each.curve for each in cage.dropped]] = False
-    if not stays.any():
+    if not stays.any():  # a skeleton has a branch at least
         return ClosedBranches(
             skeleton=skeleton,
             cage=cage,
+            settings=settings,
+            twigs=choice.twigs,
             number=np.arange(len(skeleton), dtype=np.int32),
             left_out=left_out,
-            plain=np.zeros(len(skeleton), bool),
+            plain=choice.plain,
             thickest_plain_m=0,
         )
     pruned = prune_branches(skeleton, stays)
     curve = pruned.number[cage.curve]
-    owner = np.zeros(len(cage.st_m), np.int64)
-    owner[cage.face_st] = curve[:, None]
-    st_m = cage.st_m.copy()
-    st_m[:, 1] += pruned.prefix_m[owner]
     return ClosedBranches(
         skeleton=pruned.skeleton,
         cage=replace(
             cage,
-            st_m=st_m,
+            st_m=_begin_earlier(cage.st_m, cage.face_st, pruned.prefix_m[curve]),
             curve=curve,
             order=pruned.skeleton.order[curve],
             fork_curve=pruned.number[cage.fork_curve],
             dropped=(),
             loose=tuple(pruned.number[list(cage.loose)].tolist()) if cage.loose else (),
         ),
+        settings=settings,
+        twigs=choice.twigs,
         number=pruned.number,
         left_out=left_out,
-        plain=np.zeros(len(pruned.skeleton), bool),
+        plain=choice.plain[stays],
         thickest_plain_m=0,
     )
+
+
+def _begin_earlier(
+    st_m: NDArray[np.float64], face_st: NDArray[np.integer], by_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Texture coordinates (S, 2) of faces (F,) whose branches begin so much earlier (F,) along their axes."""
+    moved = st_m.copy()
+    added_m = np.zeros(len(st_m))
+    added_m[face_st] = by_m[:, None]
+    moved[:, 1] += added_m
+    return moved
 
 
 def _without(closed: ClosedBranches, lost: NDArray[np.bool_]) -> ClosedBranches:
     """Leave out branches with their faces and all that they carry."""
     skeleton, cage = closed.skeleton, closed.cage
-    gone = lost.copy()
-    for branch in np.flatnonzero(skeleton.parent_curve >= 0).tolist():  # parents first
-        gone[branch] |= gone[skeleton.parent_curve[branch]]
+    gone = _with_carried(skeleton, lost)
     if gone.all():
         return closed
     # A piece goes as a whole, or it would be open.
@@ -394,6 +403,7 @@ def _without(closed: ClosedBranches, lost: NDArray[np.bool_]) -> ClosedBranches:
             )
         ),
         number=known,
+        plain=closed.plain[~gone],
         left_out=Counter(closed.left_out) + Counter({DropReason.AFLOAT: int(gone.sum())}),
     )
 
@@ -410,6 +420,11 @@ def _only_used(cage: BranchCage) -> BranchCage:
         st_m=cage.st_m[used_st],
         face_st=face_st.reshape(-1, 4).astype(np.int32),
     )
+
+
+def _with_carried(skeleton: Skeleton, some: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(B,) these branches and all that they carry."""
+    return np.asarray(RootedTree(skeleton.parent_curve).sum_below(some.astype(np.float64)) > 0)
 
 
 def thickest_above(skeleton: Skeleton) -> NDArray[np.float64]:

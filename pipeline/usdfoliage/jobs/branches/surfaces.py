@@ -9,7 +9,6 @@ from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.branch.cage.closed import ClosedBranches, PlainChoice, build_with_twigs, close_branches
 from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
-from usdfoliage.branch.cage.twigs import TwigSettings
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.remarks import Remark, Setting, remark
 
@@ -52,8 +51,8 @@ def _build_up_to(closed: ClosedBranches, order: int) -> BranchCage:
     """The surface of the branches up to an order, twigs where the whole has them."""
     skeleton = closed.skeleton.up_to_order(order)
     plain = closed.plain[closed.skeleton.order <= order]
-    choice = PlainChoice(plain=plain, gone=np.zeros(len(skeleton), bool), twigs=TwigSettings())
-    return build_with_twigs(skeleton, choice, CAGE, axis_exits(skeleton))
+    choice = PlainChoice(plain=plain, gone=np.zeros(len(skeleton), bool), twigs=closed.twigs)
+    return build_with_twigs(skeleton, choice, closed.settings, axis_exits(skeleton))
 
 
 def _describe(closed: ClosedBranches, given: int) -> list[Remark]:
