@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from usdfoliage.geometry.mesh_pieces import find_pieces, label_pieces
 
-from tests.native.geometry.test_piece_gaps import BOX, QUADS
+from tests.support.boxes import BOX, QUADS
 
 
 def boxes(*offsets):
@@ -12,10 +12,11 @@ def boxes(*offsets):
 
 
 def test_boxes_that_touch_nothing_are_afloat():
-    points, faces = boxes([0, 0, 0], [1.5, 0, 0], [0.5, 0.5, 0.5], [9, 9, 9])
+    points, faces = boxes([0, 0, 0], [0, 1.2, 0], [0.5, -0.5, 0.5], [9, 9, 9])
     pieces = find_pieces(points, faces, np.array([[0.1, 0, 0]]))
     assert pieces.rooted.tolist() == [True, False, False, False]
-    assert pieces.gap_m[:3] == pytest.approx([0, 0, 0], abs=0.51)
+    assert pieces.gap_m[:3] == pytest.approx([0, 0.2, 0])
+    assert pieces.afloat(0.1).tolist() == [1, 3]
     assert pieces.afloat(0.6).tolist() == [3]
     assert find_pieces(points, faces, points[::8]).afloat(0.0).tolist() == []
 

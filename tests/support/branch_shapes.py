@@ -1,8 +1,8 @@
 """Skeletons whose every number is known."""
 
 import numpy as np
-from usdfoliage._native import refine_catmull_clark
 from usdfoliage.branch.model import Skeleton
+from usdfoliage.geometry.smooth_mesh import refine_smooth
 
 
 def fork(angle_deg: float = 90.0, radius_m: float = 0.05, child_m: float = 0.03) -> Skeleton:
@@ -83,19 +83,7 @@ def random_tree(seed: int, max_branches: int = 20, wild: bool = False) -> Skelet
 
 def limit(cage, levels: int = 3):
     """Limit points (V, 3) and quads (F, 4) of a cage; 4 ** levels quads a face, face after face."""
-    none = np.zeros(0, np.int32)
-    refined = refine_catmull_clark(
-        cage.points_m,
-        np.full(len(cage.faces), 4, np.int32),
-        cage.faces.reshape(-1),
-        crease_edges=none.reshape(0, 2),
-        crease_sharpness=none.astype(np.float32),
-        corner_vertices=none,
-        corner_sharpness=none.astype(np.float32),
-        levels=levels,
-        limit=True,
-    )
-    return refined.points, refined.faces
+    return refine_smooth(cage.points_m, cage.faces, levels)
 
 
 def volume(points, quads):

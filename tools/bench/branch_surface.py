@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from usdfoliage import _native
 from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.model import Skeleton
+from usdfoliage.geometry.smooth_mesh import refine_smooth
 
 ABOVE_M = 0.3  # over the lowest point: below it is ground
 SAMPLES = 1_000_000  # on the surface
@@ -26,21 +26,7 @@ class SurfaceDistances:
 
 def limit_surface(cage: BranchCage) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Points and quads on the Catmull-Clark limit; each face of the cage becomes 4 ** LEVELS, one after another."""
-    none = np.zeros(0, np.int32)
-    sharp = np.zeros(0, np.float32)
-    counts = np.full(len(cage.faces), 4, np.int32)
-    refined = _native.refine_catmull_clark(
-        cage.points_m,
-        counts,
-        cage.faces.reshape(-1),
-        crease_edges=none.reshape(0, 2),
-        crease_sharpness=sharp,
-        corner_vertices=none,
-        corner_sharpness=sharp,
-        levels=LEVELS,
-        limit=True,
-    )
-    return refined.points, refined.faces
+    return refine_smooth(cage.points_m, cage.faces, LEVELS)
 
 
 def measure_surface(

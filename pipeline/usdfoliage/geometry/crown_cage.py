@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from usdfoliage import _native
 from usdfoliage.geometry.crown_mesh import CrownMesh, build_crown_mesh
+from usdfoliage.geometry.smooth_mesh import refine_smooth
 
 MIN_SIZE = 3  # the limit of a bare cube's eight vertices cannot follow radii that rise and fall by turns
 FARTHEST = 0.5  # radii: no vertex is moved by more, so that no coarse cage of a rough crown turns inside out
@@ -61,16 +62,4 @@ def crown_limit(cage: CrownMesh, levels: int) -> tuple[NDArray[np.float64], NDAr
     Args:
         levels: How often each quad is divided into four; 0: the points are the limits of the cage's own.
     """
-    nothing = np.zeros(0, np.int32)
-    refined = _native.refine_catmull_clark(
-        cage.points_m.astype(np.float64),
-        np.full(len(cage.face_vertices), 4, np.int32),
-        cage.face_vertices.ravel(),
-        crease_edges=nothing.reshape(0, 2),
-        crease_sharpness=nothing.astype(np.float32),
-        corner_vertices=nothing,
-        corner_sharpness=nothing.astype(np.float32),
-        levels=levels,
-        limit=True,
-    )
-    return refined.points, refined.faces
+    return refine_smooth(cage.points_m.astype(np.float64), cage.face_vertices.reshape(-1, 4), levels)

@@ -5,7 +5,7 @@ vertices round them are joined to the six of the branch. The method is our own.
 """
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,32 +79,23 @@ def build_branch_cage(
     return cage
 
 
-def _append_mesh(cage: BranchCage, mesh: BranchCage, order: NDArray[np.integer]) -> BranchCage:
-    """A cage and another mesh beside it, whose branches have the same numbers; its orders (F,) are given."""
-    points, corners = len(cage.points_m), len(cage.st_m)
-    rings = int(cage.ring.max(initial=-1)) + 1
-    return replace(
-        cage,
-        points_m=np.concatenate([cage.points_m, mesh.points_m]),
-        ring=np.concatenate([cage.ring, mesh.ring + rings]).astype(np.int32),
-        faces=np.concatenate([cage.faces, mesh.faces + points]).astype(np.int32),
-        st_m=np.concatenate([cage.st_m, mesh.st_m]),
-        face_st=np.concatenate([cage.face_st, mesh.face_st + corners]).astype(np.int32),
-        curve=np.concatenate([cage.curve, mesh.curve]).astype(np.int32),
-        order=np.concatenate([cage.order, order]).astype(np.int32),
-    )
-
-
 def _with_pieces(cage: BranchCage, other: BranchCage, pieces: LoosePieces, skeleton: Skeleton) -> BranchCage:
     """A cage and that of pieces beside it, as one mesh."""
-    faces = len(cage.faces)
+    points, faces, corners = len(cage.points_m), len(cage.faces), len(cage.st_m)
+    rings = int(cage.ring.max(initial=-1)) + 1
     saved = set(pieces.curve.tolist()) - {int(pieces.curve[each.curve]) for each in other.dropped}
     roots = set(pieces.curve[pieces.skeleton.parent_curve < 0].tolist())
     reasons = {each.curve: each.reason for each in cage.dropped if each.curve not in saved}
     reasons.update({int(pieces.curve[each.curve]): each.reason for each in other.dropped})
     curve = pieces.curve[other.curve]
-    return replace(
-        _append_mesh(cage, replace(other, curve=curve), skeleton.order[curve]),
+    return BranchCage(
+        points_m=np.concatenate([cage.points_m, other.points_m]),
+        ring=np.concatenate([cage.ring, other.ring + rings]).astype(np.int32),
+        faces=np.concatenate([cage.faces, other.faces + points]).astype(np.int32),
+        st_m=np.concatenate([cage.st_m, other.st_m]),
+        face_st=np.concatenate([cage.face_st, other.face_st + corners]).astype(np.int32),
+        curve=np.concatenate([cage.curve, curve]),
+        order=np.concatenate([cage.order, skeleton.order[curve]]).astype(np.int32),
         fork_faces=np.concatenate([cage.fork_faces, other.fork_faces + faces]).astype(np.int32),
         fork_counts=np.concatenate([cage.fork_counts, other.fork_counts]),
         fork_curve=np.concatenate([cage.fork_curve, pieces.curve[other.fork_curve]]),
