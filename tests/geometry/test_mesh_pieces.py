@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from usdfoliage.geometry.mesh_pieces import find_pieces, label_pieces
 
-from tests.support.boxes import BOX, QUADS
+from tests.support.branch_shapes import BOX, QUADS
 
 
 def boxes(*offsets):

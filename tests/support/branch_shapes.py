@@ -1,8 +1,12 @@
-"""Skeletons whose every number is known."""
+"""Skeletons and a cube whose every number is known."""
 
 import numpy as np
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.geometry.smooth_mesh import refine_smooth
+
+# A cube of one metre, as quads from outside.
+BOX = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float)
+QUADS = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
 
 
 def fork(angle_deg: float = 90.0, radius_m: float = 0.05, child_m: float = 0.03) -> Skeleton:

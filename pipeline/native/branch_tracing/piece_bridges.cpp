@@ -5,40 +5,23 @@
 #include <limits>
 #include <numeric>
 
+#include "geometry/piece_boxes.h"
+
 namespace usdfoliage {
 namespace {
 
 constexpr std::size_t kLeaf = 8;  // points of a box that is not halved
 constexpr double kFar = std::numeric_limits<double>::infinity();
-constexpr std::int32_t kMixed = -1;
-
-using Point = std::array<double, 3>;
 
 double square_apart(const Point& a, const Point& b) {
     const double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
     return x * x + y * y + z * z;
 }
 
-struct Box {
-    Point low, high;
-    std::size_t begin, end;
-    std::size_t far_half;  // the near one comes right behind its parent; 0 of a leaf
-    std::int32_t piece;    // of all its points, or kMixed
-};
-
 struct Found {
     double square = kFar;
     std::size_t point = 0;
 };
-
-double square_from(const Box& box, const Point& p) {
-    double square = 0;
-    for (int c = 0; c < 3; ++c) {
-        const double out = std::max({box.low[c] - p[c], p[c] - box.high[c], 0.0});
-        square += out * out;
-    }
-    return square;
-}
 
 // Points in the order of their boxes, each with the piece that it is in now.
 class PieceTree {
@@ -52,7 +35,7 @@ public:
     // From what is in piece, which boxes are in one piece.
     void find_boxes() {
         for (std::size_t b = boxes.size(); b-- > 0;) {  // halves come after the whole
-            Box& box = boxes[b];
+            PieceBox& box = boxes[b];
             if (box.far_half) {
                 const std::int32_t near = boxes[b + 1].piece;
                 box.piece = near == boxes[box.far_half].piece ? near : kMixed;
@@ -66,7 +49,7 @@ public:
 
     // The nearest point of another piece, where one is nearer than the best so far.
     void find_other(std::size_t from, std::size_t b, Found& best) const {
-        const Box& box = boxes[b];
+        const PieceBox& box = boxes[b];
         if (box.piece == piece[from]) return;
         if (!box.far_half) {
             for (std::size_t i = box.begin; i < box.end; ++i) {
@@ -96,7 +79,7 @@ private:
     }
 
     void halve(const double* points, std::size_t begin, std::size_t end) {
-        Box box{point_of(points, order[begin]), point_of(points, order[begin]), begin, end, 0, kMixed};
+        PieceBox box{point_of(points, order[begin]), point_of(points, order[begin]), begin, end, 0, kMixed};
         for (std::size_t i = begin; i < end; ++i) {
             for (int c = 0; c < 3; ++c) {
                 box.low[c] = std::min(box.low[c], points[3 * order[i] + c]);
@@ -121,7 +104,7 @@ private:
         halve(points, middle, end);
     }
 
-    std::vector<Box> boxes;  // the whole first
+    std::vector<PieceBox> boxes;  // the whole first
 };
 
 std::int32_t root_of(std::vector<std::int32_t>& joined, std::int32_t piece) {

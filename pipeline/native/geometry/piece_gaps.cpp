@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 
+#include "geometry/piece_boxes.h"
 #include "parallel.h"
 
 namespace usdfoliage {
@@ -13,9 +14,6 @@ namespace {
 
 constexpr std::size_t kLeaf = 6;  // triangles of a box that is not halved
 constexpr double kFar = std::numeric_limits<double>::infinity();
-constexpr std::int32_t kMixed = -1;
-
-using Point = std::array<double, 3>;
 
 Point minus(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 double dot(const Point& a, const Point& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
@@ -24,22 +22,6 @@ Point cross(const Point& a, const Point& b) {
 }
 Point along(const Point& from, const Point& step, double share) {
     return {from[0] + share * step[0], from[1] + share * step[1], from[2] + share * step[2]};
-}
-
-struct Box {
-    Point low, high;
-    std::size_t begin, end;
-    std::size_t far_half;  // the near one comes right behind its parent; 0 of a leaf
-    std::int32_t piece;    // of all its triangles, or kMixed
-};
-
-double square_from(const Box& box, const Point& p) {
-    double square = 0;
-    for (int c = 0; c < 3; ++c) {
-        const double out = std::max({box.low[c] - p[c], p[c] - box.high[c], 0.0});
-        square += out * out;
-    }
-    return square;
 }
 
 // The point of a triangle that is nearest to p. Source: C. Ericson, Real-Time Collision Detection, 2004, 5.1.5.
@@ -65,7 +47,7 @@ Point nearest_of(const Point& a, const Point& b, const Point& c, const Point& p)
 }
 
 // Whether a straight way enters a box.
-bool enters(const Box& box, const Point& from, const Point& step) {
+bool enters(const PieceBox& box, const Point& from, const Point& step) {
     double begin = 0, end = 1;
     for (int c = 0; c < 3; ++c) {
         if (step[c] == 0) {
@@ -105,7 +87,7 @@ public:
 
     // Whether the way from a point goes through a triangle of another piece.
     bool crosses_others(const Point& from, const Point& step, std::int32_t own, std::size_t at = 0) const {
-        const Box& box = boxes[at];
+        const PieceBox& box = boxes[at];
         if (box.piece == own || !enters(box, from, step)) return false;
         if (box.far_half) {
             return crosses_others(from, step, own, at + 1) || crosses_others(from, step, own, box.far_half);
@@ -128,7 +110,7 @@ private:
 
     std::size_t halve(std::size_t begin, std::size_t end) {
         const std::size_t own = boxes.size();
-        Box box{{kFar, kFar, kFar}, {-kFar, -kFar, -kFar}, begin, end, 0, piece_of(order[begin])};
+        PieceBox box{{kFar, kFar, kFar}, {-kFar, -kFar, -kFar}, begin, end, 0, piece_of(order[begin])};
         for (std::size_t i = begin; i < end; ++i) {
             for (int k = 0; k < 3; ++k) {
                 const Point p = corner(order[i], k);
@@ -158,7 +140,7 @@ private:
     }
 
     void find(std::size_t at, const Point& p, std::int32_t own, double& square) const {
-        const Box& box = boxes[at];
+        const PieceBox& box = boxes[at];
         if (box.piece == own || square_from(box, p) >= square) return;
         if (!box.far_half) {
             for (std::size_t i = box.begin; i < box.end; ++i) {
@@ -176,7 +158,7 @@ private:
 
     const PieceMesh& mesh;
     std::vector<std::size_t> order;
-    std::vector<Box> boxes;
+    std::vector<PieceBox> boxes;
 };
 
 }  // namespace

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage._native import piece_gaps
 
-from tests.support.boxes import BOX, QUADS
+from tests.support.branch_shapes import BOX, QUADS
 
 TRIANGLES = np.concatenate([QUADS[:, [0, 1, 2]], QUADS[:, [0, 2, 3]]])
 EDGES = np.concatenate([np.stack([TRIANGLES[:, k], TRIANGLES[:, (k + 1) % 3]], axis=1) for k in range(3)])
