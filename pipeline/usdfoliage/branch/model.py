@@ -74,11 +74,16 @@ class Skeleton:
         return np.repeat(np.arange(len(self), dtype=np.int32), self.counts)
 
     @cached_property
+    def edges_m(self) -> NDArray[np.float64]:
+        """(V, 3) from the point before on its branch to each one; 0 for the first."""
+        edges = np.diff(self.points_m, axis=0, prepend=self.points_m[:1])
+        edges[self.first] = 0  # from one branch to the next
+        return edges
+
+    @cached_property
     def arcs_m(self) -> NDArray[np.float64]:
         """(V,) way to each point along its branch's axis."""
-        steps = np.linalg.norm(np.diff(self.points_m, axis=0, prepend=self.points_m[:1]), axis=1)
-        steps[self.first] = 0  # from one branch to the next
-        walked = np.cumsum(steps)
+        walked = np.cumsum(np.linalg.norm(self.edges_m, axis=1))
         return np.asarray(walked - walked[self.first][self.curve])
 
     @cached_property

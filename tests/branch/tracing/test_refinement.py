@@ -1,12 +1,22 @@
 """Fewer vertices and no sharp bends: what may move, by how much, and what stays."""
 
+from itertools import pairwise
+
 import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import settings as examples
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.tracing.refinement import RefinementSettings, collapse_nodes, round_bends, split_edges
+from usdfoliage.branch.tracing.refinement import (
+    RefinementSettings,
+    collapse_nodes,
+    draw_fair,
+    refine_branches,
+    round_bends,
+    split_edges,
+    turns_rad,
+)
 
 from tests.support.branch_clouds import line
 from tests.support.branch_shapes import plant_of, random_tree
@@ -48,13 +58,14 @@ def test_long_edges_are_split_evenly_and_what_springs_from_their_ends_still_does
         ([[0, 0, 0], [0, 1, 0], [0, 1.1, 0]], [0.2, 0.1, 0.1], None, None),
         ([[0, 1, 0], [0.5, 1, 0]], 0.05, 0, 1),
     )
-    split = split_edges(plant, np.array([0.3, 0.3, 0.3, 0.2, 0.2]))
+    split, before = split_edges(plant, np.array([0.3, 0.3, 0.3, 0.2, 0.2]))
+    np.testing.assert_array_equal(split.points_m[before], plant.points_m)
     np.testing.assert_array_equal(split.counts, [6, 4])
     np.testing.assert_allclose(split.points_m[:6, 1], [0, 0.25, 0.5, 0.75, 1, 1.1])
     np.testing.assert_allclose(split.radius_m[:6], [0.2, 0.175, 0.15, 0.125, 0.1, 0.1])
     np.testing.assert_allclose(split.points_m[6:, 0], [0, 1 / 6, 1 / 3, 0.5])
     np.testing.assert_array_equal(split.parent_vertex, [-1, 4])
-    whole = split_edges(plant, np.full(5, 2.0))
+    whole, _ = split_edges(plant, np.full(5, 2.0))
     np.testing.assert_array_equal(whole.points_m, plant.points_m)
 
 
@@ -174,3 +185,100 @@ def test_to_move_less_than_nothing_is_refused(change):
 def test_a_bend_that_is_none_is_refused(sharpest_deg):
     with pytest.raises(ValueError, match="sharpest_deg must be in"):
         RefinementSettings(sharpest_deg=sharpest_deg)
+
+
+def helix(count: int) -> np.ndarray:
+    angle = np.linspace(0, 3 * np.pi, count)
+    return np.stack([0.4 * np.cos(angle), 0.2 * angle, 0.4 * np.sin(angle)], axis=1)
+
+
+def off_helix(points_m: np.ndarray) -> np.ndarray:
+    return off_polyline(points_m, helix(3000))
+
+
+def test_turns_are_those_of_the_curve():
+    plant = plant_of((helix(400), 0.02, None, 0), (helix(400)[100] + line([0, 0, 0], [1, 0, 0], 5), 0.01, 0, 100))
+    turns = turns_rad(plant)
+    assert (turns[[0, 399]] == 0).all()
+    np.testing.assert_allclose(turns[400:], 0, atol=1e-7)
+    step = 3 * np.pi / 399
+    along, around = 0.2 * step, 2 * 0.4 * np.sin(step / 2)  # of a chord
+    cosine = (along**2 + around**2 * np.cos(step)) / (along**2 + around**2)
+    np.testing.assert_allclose(turns[1:399], np.arccos(cosine), rtol=1e-4)
+
+
+def test_a_few_nodes_become_the_curve_that_they_are_of():
+    """A polyline through 19 nodes of a helix is 13.6 mm off it; a spline is not."""
+    plant = plant_of((helix(19), 0.02, None, 0))
+    assert off_polyline(helix(3000), plant.points_m).max() > 0.0135
+    fair = draw_fair(plant, 0.05, 0.0, RefinementSettings(stiffness=1e-4))
+    assert off_helix(fair.points_m[24:-24]).max() < 0.002
+    refined = refine_branches(plant, 0.05)
+    assert off_polyline(helix(3000)[300:-300], refined.points_m).max() < 0.0105  # moved by half of its radius at most
+    assert np.percentile(bends_deg(refined.points_m), 95) < 8
+    assert bends_deg(plant.points_m).max() > 25
+
+
+def test_noise_within_the_radius_goes_and_forks_stay_joined():
+    rng = np.random.default_rng(4)
+    trunk_m = helix(90)
+    limb_m = trunk_m[40] + line([0, 0, 0], [1.2, 0.3, 0], 30)
+    noisy = [each + rng.normal(0, 0.006, each.shape) for each in (trunk_m, limb_m)]
+    noisy[1][0] = noisy[0][40]
+    plant = plant_of((noisy[0], 0.03, None, 0), (noisy[1], 0.02, 0, 40))
+    refined = refine_branches(plant, 0.05)
+    before, after = (np.sqrt(np.mean(off_helix(each.points_m[each.branch(0)]) ** 2)) for each in (plant, refined))
+    assert after < 0.75 * before
+    assert np.percentile(np.degrees(turns_rad(plant)), 95) > 40
+    assert np.percentile(np.degrees(turns_rad(refined)), 95) < 8
+    assert refined.parent_curve.tolist() == [-1, 0]
+
+
+@examples(max_examples=30)
+@given(seed=SEEDS, wild=st.booleans())
+def test_vertices_are_moved_about_as_far_as_they_may(seed, wild):
+    plant = random_tree(seed, wild=wild)
+    fair = draw_fair(plant, 0.05, 0.001)
+    before = split_edges(
+        plant,
+        np.maximum(np.linalg.norm(plant.edges_m, axis=1) / 8, np.maximum(0.08 * 0.05, 0.1 * plant.radius_m)),
+    )[1]
+    own = np.ones(len(plant.points_m), bool)
+    own[plant.first[plant.parent_curve >= 0]] = False  # these go with their parents
+    moved_m = np.linalg.norm(fair.points_m[before] - plant.points_m, axis=1)
+    assert np.median(moved_m[own] / np.maximum(0.5 * plant.radius_m, 0.001)[own]) <= 1.01
+    assert fair.parent_curve.tolist() == plant.parent_curve.tolist()
+    assert np.isfinite(fair.points_m).all()
+
+
+@examples(max_examples=30)
+@given(seed=SEEDS)
+def test_edges_stand_for_pieces_that_turn_little(seed):
+    fine = split_edges(random_tree(seed), np.full(len(random_tree(seed).points_m), 0.01))[0]
+    kept = collapse_nodes(fine, 0.05, RefinementSettings(max_moved=1e3, min_moved=1e3, radius_change=1e3))
+    number = {tuple(place): at for at, place in enumerate(fine.points_m[: fine.counts[0]])}
+    ends = [number[tuple(place)] for place in kept.points_m[: kept.counts[0]]]
+    turns = turns_rad(fine)
+    for first, last in pairwise(ends):
+        assert turns[first + 1 : last].sum() <= np.radians(5.0) + 1e-9
+
+
+def test_straight_branches_stay_however_uneven_their_vertices_are():
+    at = np.array([0, 0.01, 0.02, 0.5, 0.51, 0.9, 2.0])
+    plant = plant_of((at[:, None] * [0.3, 1, 0.1], 0.02, None, 0))
+    fair = draw_fair(plant, 0.05, 0.01)
+    assert off_polyline(fair.points_m, plant.points_m).max() < 1e-6
+    assert refine_branches(plant, 0.05).counts.tolist() == [2]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [({"stiffness": -1.0}, "stiffness"), ({"pieces": 0}, "pieces"), ({"max_turn_deg": 0.0}, "max_turn_deg")],
+)
+def test_settings_that_make_no_curve_are_refused(wrong, named):
+    with pytest.raises(ValueError, match=named):
+        RefinementSettings(**wrong)
+
+
+def test_nothing_stays_nothing():
+    assert len(refine_branches(nothing(), 0.05)) == 0

@@ -19,7 +19,7 @@ from usdfoliage.branch.growth.logistic import LogisticSettings
 from usdfoliage.branch.growth.seen_stems import SeenStems
 from usdfoliage.branch.growth.settings import GrowthSettings
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.tracing.refinement import RefinementSettings, collapse_nodes, round_bends, split_edges
+from usdfoliage.branch.tracing.refinement import RefinementSettings, refine_branches, split_edges
 from usdfoliage.geometry.disks import choose_disks
 
 _BARK = 1.4  # radii of a stem, within which points are its own
@@ -206,6 +206,6 @@ def _reaching(growth: GrowthSettings, points_m: NDArray[np.float64]) -> GrowthSe
 
 
 def _refined(skeleton: Skeleton, internode_m: float, settings: RegrowthSettings) -> Skeleton:
-    collapsed = collapse_nodes(skeleton, internode_m, settings.refinement)
-    longest_m = np.maximum(_LONGEST * internode_m, _LONGEST_RADII * collapsed.radius_m)
-    return round_bends(split_edges(collapsed, longest_m), settings.refinement)
+    refined = refine_branches(skeleton, internode_m, settings=settings.refinement)
+    longest_m = np.maximum(_LONGEST * internode_m, _LONGEST_RADII * refined.radius_m)
+    return split_edges(refined, longest_m)[0]

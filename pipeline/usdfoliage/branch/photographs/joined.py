@@ -14,7 +14,7 @@ from usdfoliage.branch.tracing.attachments import settle_attachments
 from usdfoliage.branch.tracing.axes import find_axes
 from usdfoliage.branch.tracing.fairing import fair_axes
 from usdfoliage.branch.tracing.radii import Radii
-from usdfoliage.branch.tracing.refinement import RefinementSettings, collapse_nodes, round_bends
+from usdfoliage.branch.tracing.refinement import RefinementSettings, refine_branches
 from usdfoliage.branch.tracing.sections import SectionTree
 from usdfoliage.branch.tracing.traced_axes import TracedAxes, as_skeleton
 from usdfoliage.geometry.point_cells import touching_parts
@@ -86,9 +86,7 @@ def make_skeleton(
     )
     skeleton = as_skeleton(traced)
     refinement = RefinementSettings()
-    skeleton = round_bends(
-        collapse_nodes(settle_attachments(skeleton), settings.twig * height_m, refinement), refinement
-    )
+    skeleton = refine_branches(settle_attachments(skeleton), settings.twig * height_m, settings=refinement)
     joined = np.zeros(count, bool)
     joined[chosen[chosen < count]] = True
     leaf = np.full(len(places_m) - count, -1, np.int64)

@@ -15,7 +15,7 @@ from usdfoliage.branch.tracing.cloud_graph import CloudGraph, CloudGraphSettings
 from usdfoliage.branch.tracing.cut_ends import straighten_cut_ends
 from usdfoliage.branch.tracing.gaps import find_beyond_gaps
 from usdfoliage.branch.tracing.radii import Radii, RadiusSettings
-from usdfoliage.branch.tracing.refinement import RefinementSettings, collapse_nodes, round_bends
+from usdfoliage.branch.tracing.refinement import RefinementSettings, refine_branches
 from usdfoliage.branch.tracing.sections import SectionTree, cut_sections, find_paths
 from usdfoliage.branch.tracing.spurs import absorb_spurs, find_spurs
 from usdfoliage.branch.tracing.traced_axes import as_skeleton, trace_axes
@@ -170,8 +170,7 @@ def reconstruct_branches(
     branches = branches.only(~_spurs(branches, settings))
     branches = straighten_cut_ends(branches, _HANGS_TOGETHER * cut.spacing_m)
     branches = settle_attachments(branches)
-    collapsed = collapse_nodes(branches, internode_m, settings.refinement)
-    skeleton = round_bends(collapsed, settings.refinement)
+    skeleton = refine_branches(branches, internode_m, traced.radii.noise_m, settings.refinement)
     report("branches", 1.0)
     is_wood = np.zeros(len(points_m), bool)
     is_wood[wood] = True

@@ -1,8 +1,9 @@
-"""A skeleton with no more vertices than its branches need, and without sharp bends.
+"""Fair branches, with no more vertices than they need, and without sharp bends.
 
 J. Guo et al., Realistic procedural plant modeling from multiple view images, 2020, section 5.3: nodes between edges of
 like direction and radius collapse, and where branches bend by more than 20 degrees the section is subdivided by a
-Hermite curve. Which nodes collapse is decided by how far the branch would move: ours.
+Hermite curve. Before that branches become smoothing splines; which nodes collapse is decided by how far the branch
+would move, and by how much it turns: ours.
 """
 
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.tracing.fairing import fair_branches
 
 _REACH = 0.5  # of the shorter edge, that a bend is rounded over
 _ROUNDED = 3  # vertices that take the place of one
@@ -20,6 +22,12 @@ _ROUNDED = 3  # vertices that take the place of one
 class RefinementSettings:
     """When nodes collapse, and when bends are rounded."""
 
+    stiffness: float = 0.4  # of branches, for them to be fair: weight of a second difference of vertices
+    max_shifted: float = 0.5  # of the radius, that a vertex is moved for its branch to be fair
+    pieces: int = 8  # of an edge, that a fair branch is drawn with before its nodes collapse
+    shortest: float = 0.08  # internodes, that such a piece is long at least,
+    shortest_radii: float = 0.1  # and of its radius
+    max_turn_deg: float = 5.0  # that a branch turns along an edge
     max_moved: float = 0.05  # of the radius, by which a branch may move where a node goes
     min_moved: float = 0.04  # internodes, that it may move however thin it is
     radius_change: float = 0.05  # of the radius
@@ -28,53 +36,111 @@ class RefinementSettings:
     def __post_init__(self) -> None:
         if not (self.max_moved >= 0 and self.min_moved >= 0 and self.radius_change >= 0):
             raise ValueError(f"what a branch may move and change must not be below 0, not {self}")
+        if not (self.stiffness >= 0 and self.max_shifted > 0 and self.pieces >= 1):
+            raise ValueError(f"stiffness must not be below 0, max_shifted above 0, pieces at least 1, not {self}")
+        if not self.max_turn_deg > 0:
+            raise ValueError(f"max_turn_deg must be above 0, not {self.max_turn_deg:g}")
         if not 0 < self.sharpest_deg <= 180:
             raise ValueError(f"sharpest_deg must be in (0, 180], not {self.sharpest_deg:g}")
+
+
+def refine_branches(
+    skeleton: Skeleton,
+    internode_m: float,
+    noise_m: float = 0.0,
+    settings: RefinementSettings = RefinementSettings(),
+) -> Skeleton:
+    """Fair branches with no more vertices than they need.
+
+    Args:
+        skeleton: As it was traced or grown.
+        internode_m: Of the plant.
+        noise_m: How far the points that it was traced through are off the bark; vertices may be moved by as much.
+        settings: How.
+    """
+    fair = draw_fair(skeleton, internode_m, noise_m, settings)
+    return round_bends(collapse_nodes(fair, internode_m, settings), settings)
+
+
+def draw_fair(
+    skeleton: Skeleton, internode_m: float, noise_m: float, settings: RefinementSettings = RefinementSettings()
+) -> Skeleton:
+    """Branches as smooth curves near their vertices, with several vertices in place of each edge."""
+    if not len(skeleton) or settings.stiffness == 0:
+        return skeleton
+    shortest_m = np.maximum(settings.shortest * internode_m, settings.shortest_radii * skeleton.radius_m)
+    piece_m = np.linalg.norm(skeleton.edges_m, axis=1) / settings.pieces
+    fine, found = split_edges(skeleton, np.maximum(piece_m, shortest_m))
+    weight = np.zeros(len(fine.points_m))
+    weight[found] = 1
+    max_moved_m = np.maximum(settings.max_shifted * fine.radius_m, noise_m)
+    # The third power of lengths makes the stiffness that of second differences of the vertices that were found, if
+    # these were evenly along their branch.
+    edge_m = (skeleton.lengths_m / (skeleton.counts - 1))[fine.curve]
+    step_m = np.linalg.norm(fine.edges_m, axis=1)
+    step_m = np.maximum(0.5 * (step_m + np.roll(step_m, -1)), 0.5 * np.minimum(shortest_m.min(), edge_m))
+    stiffness = settings.stiffness * np.maximum(edge_m / np.maximum(step_m, 1e-12), 1) ** 3
+    return fair_branches(fine, weight, stiffness, max_moved_m)
 
 
 def collapse_nodes(
     skeleton: Skeleton, internode_m: float, settings: RefinementSettings = RefinementSettings()
 ) -> Skeleton:
     """Without vertices that neither bend nor thin their branch; ends, and where others spring from, stay."""
-    stays = np.zeros(len(skeleton.points_m), bool)
-    stays[skeleton.parent_vertex[skeleton.parent_vertex >= 0]] = True
-    kept = stays.copy()
     if not len(skeleton):
         return skeleton
+    count = len(skeleton.points_m)
     allowed_m = np.maximum(settings.max_moved * skeleton.radius_m, settings.min_moved * internode_m)
     allowed_m = np.maximum(allowed_m, 1e-12)  # where nothing may move, what lies on a line goes still
-    for number in range(len(skeleton)):
-        part = skeleton.branch(number)
-        anchors = np.flatnonzero(stays[part])
-        ends = np.unique(np.concatenate([[0], anchors, [part.stop - part.start - 1]]))
-        spans = list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
-        points_m, radius_m = skeleton.points_m[part], skeleton.radius_m[part]
-        kept[part.start + ends] = True
-        # As D. Douglas and T. Peucker, 1973, with the radius as a further coordinate.
-        while spans:
-            first, last = spans.pop()
-            if last - first < 2:
-                continue
-            inner = slice(first + 1, last)
-            along_m = points_m[last] - points_m[first]
-            square = float(along_m @ along_m)
-            from_first = points_m[inner] - points_m[first]
-            share = np.clip(from_first @ along_m / square, 0, 1) if square > 0 else np.zeros(last - first - 1)
-            moved = np.linalg.norm(from_first - share[:, None] * along_m, axis=1) / allowed_m[part][inner]
-            straight_m = (1 - share) * radius_m[first] + share * radius_m[last]
-            thinned = np.abs(radius_m[inner] - straight_m) / (settings.radius_change * radius_m[inner] + 1e-12)
-            worst = np.maximum(moved, thinned)
-            at = int(np.argmax(worst))
-            if worst[at] > 1:
-                kept[part.start + first + 1 + at] = True
-                spans += [(first, first + 1 + at), (first + 1 + at, last)]
+    kept = np.zeros(count, bool)
+    kept[skeleton.parent_vertex[skeleton.parent_vertex >= 0]] = True
+    kept[skeleton.first] = kept[skeleton.first + skeleton.counts - 1] = True
+    # An edge stands for a piece of the curve that turns little.
+    turned = np.cumsum(turns_rad(skeleton)) / np.radians(settings.max_turn_deg)
+    step = np.floor(turned - turned[skeleton.first][skeleton.curve])
+    kept[1:] |= (step[1:] > step[:-1]) & (skeleton.curve[1:] == skeleton.curve[:-1])
+    # As D. Douglas and T. Peucker, 1973, with the radius as a further coordinate, of all edges at once.
+    while True:
+        anchors = np.flatnonzero(kept)
+        span = np.cumsum(kept) - 1
+        span[anchors[-1]] -= count > 1
+        inner = np.flatnonzero(~kept)
+        if not len(inner):
+            break
+        span = span[inner]
+        first, last = anchors[span], anchors[span + 1]
+        along_m, from_first_m = skeleton.points_m[last] - skeleton.points_m[first], skeleton.points_m[inner]
+        from_first_m = from_first_m - skeleton.points_m[first]
+        square = np.einsum("nc,nc->n", along_m, along_m)
+        share = np.clip(np.einsum("nc,nc->n", from_first_m, along_m) / np.where(square > 0, square, 1), 0, 1)
+        moved = np.linalg.norm(from_first_m - share[:, None] * along_m, axis=1) / allowed_m[inner]
+        straight_m = (1 - share) * skeleton.radius_m[first] + share * skeleton.radius_m[last]
+        radius_m = skeleton.radius_m[inner]
+        worst = np.maximum(moved, np.abs(radius_m - straight_m) / (settings.radius_change * radius_m + 1e-12))
+        begins = np.flatnonzero(np.diff(span, prepend=-1))
+        largest = np.repeat(np.maximum.reduceat(worst, begins), np.diff(begins, append=len(span)))
+        found = inner[(worst == largest) & (worst > 1)]
+        if not len(found):
+            break
+        kept[found] = True
     return skeleton.only_vertices(kept)
 
 
-def split_edges(skeleton: Skeleton, longest_m: NDArray[np.float64]) -> Skeleton:
-    """With vertices evenly on each edge that is longer than that of the vertex (V,) where it ends."""
-    step_m = np.diff(skeleton.points_m, axis=0, prepend=skeleton.points_m[:1])
-    step_m[skeleton.first] = 0
+def turns_rad(skeleton: Skeleton) -> NDArray[np.float64]:
+    """(V,) angle between the edge that ends at a vertex and the one that begins there, 0 at the ends of a branch."""
+    before_m = skeleton.edges_m
+    after_m = np.roll(before_m, -1, axis=0)
+    across = np.linalg.norm(np.cross(before_m, after_m), axis=1)
+    return np.asarray(np.arctan2(across, np.einsum("vc,vc->v", before_m, after_m)))
+
+
+def split_edges(skeleton: Skeleton, longest_m: NDArray[np.float64]) -> tuple[Skeleton, NDArray[np.int64]]:
+    """With vertices evenly on each edge that is longer than that of the vertex (V,) where it ends.
+
+    Returns:
+        The branches, and (V,) the vertices in them that were there before.
+    """
+    step_m = skeleton.edges_m
     pieces = np.maximum(1, np.ceil(np.linalg.norm(step_m, axis=1) / longest_m - 1e-9)).astype(np.int64)
     of = np.repeat(np.arange(len(pieces)), pieces)
     end = np.cumsum(pieces) - 1
@@ -82,13 +148,14 @@ def split_edges(skeleton: Skeleton, longest_m: NDArray[np.float64]) -> Skeleton:
     thinner_m = np.diff(skeleton.radius_m, prepend=skeleton.radius_m[:1])
     thinner_m[skeleton.first] = 0
     leaves_from = skeleton.parent_vertex
-    return replace(
+    split = replace(
         skeleton,
         points_m=skeleton.points_m[of] - back * step_m[of],
         radius_m=skeleton.radius_m[of] - back[:, 0] * thinner_m[of],
         counts=np.add.reduceat(pieces, skeleton.first).astype(np.int32),
         parent_vertex=np.where(leaves_from < 0, -1, end[leaves_from]).astype(np.int32),
     )
+    return split, end
 
 
 def round_bends(skeleton: Skeleton, settings: RefinementSettings = RefinementSettings()) -> Skeleton:
