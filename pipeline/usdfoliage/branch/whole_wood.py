@@ -49,27 +49,30 @@ def measure_wholeness(skeleton: Skeleton, points_m: NDArray[np.float64], faces: 
     )
 
 
-def bare_lengths(skeleton: Skeleton, points_m: NDArray[np.float64], faces: NDArray[np.integer]) -> NDArray[np.float64]:
+def bare_lengths(
+    skeleton: Skeleton, points_m: NDArray[np.float64], faces: NDArray[np.integer], edges: float = BARE_EDGES
+) -> NDArray[np.float64]:
     """(B,) how much of each axis is farther from the surface than it may be, and in no thicker branch; metres.
 
     Args:
         skeleton: All branches; metres.
         points_m: (P, 3), of the surface as it is drawn.
         faces: (F, 3) or (F, 4).
+        edges: So many edges of the surface an axis may be away from it, if that is more than BARE radii.
     """
     if not len(faces):
         return skeleton.lengths_m
     used = np.zeros(len(points_m), bool)
     used[faces] = True
-    edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-    length_m = np.linalg.norm(points_m[edges[:, 0]] - points_m[edges[:, 1]], axis=1)
-    around = np.maximum(np.bincount(edges[:, 0], minlength=len(points_m)), 1)
-    edge_m = np.bincount(edges[:, 0], length_m, len(points_m)) / around
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    length_m = np.linalg.norm(points_m[ends[:, 0]] - points_m[ends[:, 1]], axis=1)
+    around = np.maximum(np.bincount(ends[:, 0], minlength=len(points_m)), 1)
+    edge_m = np.bincount(ends[:, 0], length_m, len(points_m)) / around
     step_m = max(float(skeleton.lengths_m.sum()) / (PLACES * len(skeleton.points_m)), 1e-9)
     places = place_on_axes(skeleton, step_m)
     back = np.flatnonzero(used)
     away_m, nearest = (np.asarray(each) for each in cKDTree(points_m[back]).query(places.points_m, workers=-1))
-    off = away_m > np.maximum(BARE * places.radius_m, BARE_EDGES * edge_m[back[nearest]])
+    off = away_m > np.maximum(BARE * places.radius_m, edges * edge_m[back[nearest]])
     own = np.flatnonzero(off)
     if len(own):  # within thicker wood nothing is to be seen
         size = np.floor(np.log2(places.radius_m))

@@ -22,7 +22,7 @@ from usdfoliage.branch.cage.twigs import SIDES, TwigSettings, count_rows, draw_t
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.pruning import PrunedSkeleton, prune_branches
 from usdfoliage.branch.rooted_tree import RootedTree
-from usdfoliage.branch.whole_wood import AFLOAT_M, bare_lengths
+from usdfoliage.branch.whole_wood import AFLOAT_M, BARE_EDGES, bare_lengths
 from usdfoliage.geometry.mesh_pieces import label_pieces, measure_gaps
 from usdfoliage.geometry.smooth_mesh import refine_smooth
 
@@ -294,7 +294,8 @@ def find_astray(closed: ClosedBranches) -> NDArray[np.bool_]:
     skeleton, cage = closed.skeleton, closed.cage
     if not len(cage.faces):
         return np.zeros(len(skeleton), bool)
-    bare_m = bare_lengths(skeleton, *refine_smooth(cage.points_m, cage.faces, 1))
+    # Subdivided once more, as it is drawn at least, edges are half as long.
+    bare_m = bare_lengths(skeleton, *refine_smooth(cage.points_m, cage.faces, 1), edges=BARE_EDGES / 2)
     return np.asarray(bare_m > ASTRAY * np.maximum.reduceat(skeleton.radius_m, skeleton.first))
 
 
