@@ -789,6 +789,16 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="Branches were grown where the cloud shows none, as was asked for.",
                 action="Nothing.",
             ),
+            "rest-grown": RemarkKind(
+                severity="info",
+                meaning="Branches were grown into what traced branches leave of the cloud, as was asked for.",
+                action="Nothing. `foliage:inferred` of the skeleton marks them.",
+            ),
+            "nothing-left": RemarkKind(
+                severity="info",
+                meaning="Traced branches leave nothing of the cloud. No branch was grown into it.",
+                action="Nothing.",
+            ),
             "nothing-hidden": RemarkKind(
                 severity="info",
                 meaning="The cloud hides no part of the crown. No branches were grown inside it.",

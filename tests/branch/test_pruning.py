@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,6 +20,15 @@ def test_what_a_branch_carried_goes_on_from_its_parent():
     assert skeleton.points_m[skeleton.branch(1)] == pytest.approx(np.array([[0, 1, 0], [1, 1, 0], [1.5, 1, 0.5]]))
     assert skeleton.radius_m[skeleton.branch(1)] == pytest.approx(0.015)
     assert pruned.prefix_m == pytest.approx([0, 1])
+
+
+def test_branches_stay_as_inferred_as_they_were():
+    plant = replace(fork(), inferred=np.array([False, False, True]))
+    assert prune_branches(plant, np.array([True, False, True])).skeleton.inferred.tolist() == [False, True]
+    assert plant.up_to_order(1).inferred.tolist() == [False, False]
+    assert not fork().inferred.any()
+    with pytest.raises(ValueError, match="inferred must be"):
+        replace(fork(), inferred=np.zeros(2, bool))
 
 
 def test_what_a_root_carried_is_a_root():

@@ -197,6 +197,7 @@ PROPERTIES: dict[str, tuple[tuple[str, str, str, str, str], ...]] = {
         ("foliage:growth:seed", "int64", "none", "0 or more", ""),
         ("foliage:growth:tropism", "float", "none", "finite", ""),
         ("foliage:growth:tropismDirection", "vector3f", "none", "length 1", ""),
+        ("foliage:inferred", "int[]", "none", "0 or 1", "one element a curve"),
         ("foliage:order", "int[]", "none", "0 or more", "one element a curve"),
         ("foliage:parentCurve", "int[]", "none", "-1 to the number of curves - 1", "one element a curve"),
         ("foliage:parentVertex", "int[]", "none", "a vertex of the parent curve, -1 for a root", "one element a curve"),

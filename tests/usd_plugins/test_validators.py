@@ -534,6 +534,8 @@ SKELETON = [
     ("WidthsNotPositive", ".widths", put("widths", [0.2, 0.15, float("nan"), 0.08, 0.04, 0.02, 0.01])),
     ("SkeletonArrayLength", ".foliage:parentCurve", put("foliage:parentCurve", [-1, 0])),
     ("SkeletonArrayLength", ".foliage:order", drop("foliage:order")),
+    ("SkeletonArrayLength", ".foliage:inferred", put("foliage:inferred", [0, 1])),
+    ("SkeletonArrayLength", ".foliage:inferred", put("foliage:inferred", [0, 1, 2])),
     ("ParentCurveRange", ".foliage:parentCurve", put("foliage:parentCurve", [-1, 0, 3])),
     ("ParentVertexRange", ".foliage:parentVertex", put("foliage:parentVertex", [-1, 4, 4])),
     ("ParentVertexRange", ".foliage:parentVertex", put("foliage:parentVertex", [0, 1, 4])),

@@ -81,6 +81,10 @@ def _check_tree(prim: Usd.Prim, points: NDArray[np.float64], vertex_counts: NDAr
             findings.append(error(prim, "SkeletonArrayLength", text, f"foliage:{name}"))
         else:
             arrays[name] = array
+    inferred = values.indices(prim, "foliage:inferred")
+    if inferred is not None and (len(inferred) != curves or not np.isin(inferred, (0, 1)).all()):
+        text = f"has {len(inferred)} elements, or others than 0 and 1; author {curves} int, 0 or 1, one a curve"
+        findings.append(error(prim, "SkeletonArrayLength", text, "foliage:inferred"))
     if findings:
         return findings
     parent, vertex, order = arrays["parentCurve"], arrays["parentVertex"], arrays["order"]

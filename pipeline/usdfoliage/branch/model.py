@@ -1,10 +1,12 @@
 """Branches: what all the rest of the system knows of them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+_NONE_INFERRED = np.zeros(0, bool)  # stands for as many as there are branches
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -21,6 +23,7 @@ class Skeleton:
         parent_curve: (B,), number of the parent, -1 for a root.
         parent_vertex: (B,), index into points_m, -1 for a root.
         order: (B,), 0 for a trunk, else the parent's order + 1.
+        inferred: (B,), whether nothing shows the branch; without it none is.
 
     Raises:
         ValueError: The arrays are not of these shapes, a number is not finite, a radius is not above 0, or branches are
@@ -33,9 +36,12 @@ class Skeleton:
     parent_curve: NDArray[np.int32]
     parent_vertex: NDArray[np.int32]
     order: NDArray[np.int32]
+    inferred: NDArray[np.bool_] = field(default_factory=lambda: _NONE_INFERRED)
 
     def __post_init__(self) -> None:
         branches, vertices = len(self.counts), len(self.points_m)
+        if self.inferred is _NONE_INFERRED:
+            object.__setattr__(self, "inferred", np.zeros(branches, bool))
         shapes: tuple[tuple[str, NDArray[np.generic], tuple[int, ...]], ...] = (
             ("points_m", self.points_m, (vertices, 3)),
             ("radius_m", self.radius_m, (vertices,)),
@@ -43,6 +49,7 @@ class Skeleton:
             ("parent_curve", self.parent_curve, (branches,)),
             ("parent_vertex", self.parent_vertex, (branches,)),
             ("order", self.order, (branches,)),
+            ("inferred", self.inferred, (branches,)),
         )
         for name, array, shape in shapes:
             if array.shape != shape:
@@ -113,6 +120,7 @@ class Skeleton:
             parent_curve=np.where(parent < 0, -1, number[parent]).astype(np.int32),
             parent_vertex=np.where(leaves_from < 0, -1, vertex[leaves_from]).astype(np.int32),
             order=self.order[kept],
+            inferred=self.inferred[kept],
         )
 
     def only_vertices(self, kept: NDArray[np.bool_]) -> "Skeleton":

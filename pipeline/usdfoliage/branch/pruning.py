@@ -65,6 +65,7 @@ def prune_branches(skeleton: Skeleton, stays: NDArray[np.bool_]) -> PrunedSkelet
         parent_curve=np.where(child, above, -1).astype(np.int32),
         parent_vertex=np.where(child, within, -1).astype(np.int32),
         order=order,
+        inferred=skeleton.inferred[kept],
     )
     return PrunedSkeleton(skeleton=pruned, number=number, prefix_m=pruned.arcs_m[first + added])
 

@@ -89,6 +89,11 @@ def _add_tracing(parser: argparse._ActionsContainer) -> None:
         f"each point of the cloud, from {MIN_FACES} to {MAX_FACES}.",
     )
     parser.add_argument(
+        "--fill",
+        action="store_true",
+        help="Let traced branches grow on into what they leave of the cloud. The schema marks what is grown so.",
+    )
+    parser.add_argument(
         "--fill-hidden",
         action="store_true",
         help="Grow branches also inside the crown, where its foliage hides them from the cloud.",

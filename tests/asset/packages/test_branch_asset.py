@@ -1,11 +1,13 @@
 """An asset of branches, by its composed values."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 from usdfoliage.asset.packages.branch_package import write_branch_asset
 from usdfoliage.asset.parts.branch_part import BranchAssetSettings
-from usdfoliage.asset.parts.branches import SkeletonPrim
+from usdfoliage.asset.parts.branches import SkeletonPrim, author_skeleton, read_skeleton
 from usdfoliage.asset.parts.leaf_part import BranchLeaves
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.validation.validate import validate_asset
@@ -48,6 +50,16 @@ def test_the_skeleton_is_a_guide_with_parents_orders_and_diameters(asset):
     assert prim.GetAttribute("foliage:growth:internodeLength").Get() == pytest.approx(0.05)
     targets = stage.GetDefaultPrim().GetRelationship("foliage:skeleton").GetTargets()
     assert targets == [Sdf.Path("/fork/geo/guide/Skeleton")]
+
+
+def test_curves_that_nothing_shows_are_marked():
+    stage = Usd.Stage.CreateInMemory()
+    for name, inferred in (("shown", [False, False]), ("grown", [False, True])):
+        skeleton = replace(fork(), inferred=np.array(inferred + [False] * (len(fork()) - 2)))
+        prim = author_skeleton(stage, Sdf.Path(f"/{name}"), SkeletonPrim(skeleton=skeleton)).GetPrim()
+        value = prim.GetAttribute("foliage:inferred").Get()
+        assert value is None if name == "shown" else list(value) == [int(each) for each in skeleton.inferred]
+        np.testing.assert_array_equal(read_skeleton(prim).inferred, skeleton.inferred)
 
 
 def test_the_surface_is_subdivided_with_bark_and_metres(asset):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from usdfoliage.branch.distances import distances_to_surface, near_surface
 from usdfoliage.branch.growth.grow import grow_branches, seed_plants
 from usdfoliage.branch.growth.logistic import LogisticSettings
@@ -11,6 +12,7 @@ from usdfoliage.branch.growth.regrowth import (
     RegrowthSettings,
     draw_to_axes,
     fill_hidden,
+    fill_rest,
     find_feet,
     regrow,
     vary_growth,
@@ -151,6 +153,36 @@ def test_the_inside_of_a_closed_crown_is_grown_into():
     inside = grown.skeleton.curve > 0
     assert (away_m[inside] < 1.01).all()  # from the trunk, which comes in through the surface
     assert grown.reached.mean() > 0.8
+
+
+def test_limbs_grow_on_into_what_they_leave_of_a_cloud():
+    """A trunk and a limb are traced; beside the limb's tip there is a ball of points, as of leaves."""
+    limb_m = line([0, 1, 0], [0.8, 1.2, 0], 40)
+    traced = plant_of((line([0, 0, 0], [0, 2, 0], 61), 0.03, None, 0), (limb_m, 0.015, 0, 30))
+    leaves_m = ball([1.1, 1.3, 0], 0.3, 800)
+    cloud_m = np.concatenate([traced.points_m, leaves_m])
+    filled = fill_rest(traced, cloud_m, 0.1, PLAIN)
+    assert filled.grown > 5
+    assert filled.reached.mean() > 0.95
+    skeleton = filled.skeleton
+    for number in range(2):  # as they were, as far as they went
+        before_m, after_m = traced.points_m[traced.branch(number)], skeleton.points_m[skeleton.branch(number)]
+        assert cKDTree(line(before_m[0], before_m[-1], 2000)).query(after_m)[0].min() < 1e-3
+        assert cKDTree(after_m).query(before_m[[0, -1]])[0].max() < 1e-9
+    assert not skeleton.inferred[0]
+    assert skeleton.inferred[2:].all()
+    again = fill_rest(skeleton, cloud_m[filled.reached], 0.1, PLAIN)
+    assert (again.grown, again.cycles) == (0, 0)
+    np.testing.assert_array_equal(again.skeleton.points_m, skeleton.points_m)
+
+
+def test_what_a_cloud_does_not_show_of_a_crown_is_inferred():
+    rng = np.random.default_rng(0)
+    shell_m = rng.normal(size=(8000, 3))
+    shell_m = [0, 1.5, 0] + shell_m / np.linalg.norm(shell_m, axis=1, keepdims=True)
+    grown = fill_hidden(seed_plants(np.zeros((1, 3)), 0.6, 0.04), shell_m, 0.03, PLAIN)
+    assert grown.skeleton.inferred[1:].all()
+    assert not regrow(shell_m, np.zeros((1, 3)), 0.03, PLAIN).skeleton.inferred.any()
 
 
 def test_a_trunk_is_grown_along_its_axis():

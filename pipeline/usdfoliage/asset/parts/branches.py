@@ -25,6 +25,7 @@ _GROWTH: Mapping[str, Sdf.ValueTypeName] = {
     "maximumLength": Sdf.ValueTypeNames.Float,
     "rootDiameter": Sdf.ValueTypeNames.Float,
 }
+_INFERRED = "foliage:inferred"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,6 +77,9 @@ def author_skeleton(stage: Usd.Stage, path: Sdf.Path, prim: SkeletonPrim) -> Usd
     ):
         attribute = curve_prim.CreateAttribute(f"foliage:{fact}", Sdf.ValueTypeNames.IntArray, custom=False)
         attribute.Set(Vt.IntArray.FromNumpy(values))
+    if skeleton.inferred.any():
+        attribute = curve_prim.CreateAttribute(_INFERRED, Sdf.ValueTypeNames.IntArray, custom=False)
+        attribute.Set(Vt.IntArray.FromNumpy(skeleton.inferred.astype(np.int32)))
     for fact, value in prim.growth.items():
         curve_prim.CreateAttribute(f"foliage:growth:{fact}", _GROWTH[fact], custom=False).Set(float(value))
     return curves
@@ -94,6 +98,7 @@ def read_skeleton(prim: Usd.Prim) -> Skeleton:
         "counts": curves.GetCurveVertexCountsAttr().Get(),
         **{fact: prim.GetAttribute(f"foliage:{fact}").Get() for fact in ("parentCurve", "parentVertex", "order")},
     }
+    inferred = prim.GetAttribute(_INFERRED).Get()
     missing = [name for name, value in values.items() if value is None]
     if missing:
         raise AssetError(f"<{prim.GetPath()}> has no {', '.join(missing)}", "write the asset again")
@@ -108,6 +113,7 @@ def read_skeleton(prim: Usd.Prim) -> Skeleton:
             parent_curve=np.array(values["parentCurve"], np.int32),
             parent_vertex=np.array(values["parentVertex"], np.int32),
             order=np.array(values["order"], np.int32),
+            inferred=np.zeros(len(values["counts"]), bool) if inferred is None else np.array(inferred, np.int32) == 1,
         )
     except (ValueError, IndexError) as error:
         raise AssetError(f"<{prim.GetPath()}> is no skeleton: {error}", "write the asset again") from error

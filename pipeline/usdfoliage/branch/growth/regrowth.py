@@ -29,6 +29,7 @@ _FLARES = 4.0  # radii, up to which that fades
 _BEYOND = 0.5  # radii, that they may be beyond the end of a piece of its axis
 _LONGEST = 4.0  # internodes, that a straight piece of a branch is long at most,
 _LONGEST_RADII = 2.0  # or of its radii
+_SAME = 1e-9  # of a length, within which two are the same
 _MIN_REACH = 5.0  # internodes, that a plant is taken to be high at least
 
 
@@ -84,16 +85,13 @@ def regrow(
     if stems is not None:
         feet_m = find_feet(roots_m, stems)
         points_m = draw_to_axes(points_m, stems, settings.thick * internode_m)
-    dense = choose_disks(points_m, settings.weighing * internode_m, seed)
-    dense_m = points_m[dense]
-    weights = 1 + weigh_points(dense_m, internode_m, settings.importance)
     # A stem's points have many like them around; its axis has few.
-    weights[(dense_m != cloud_m[dense]).any(axis=1)] = 1 + settings.importance.neighbors
-    markers = choose_disks(dense_m, settings.marker_spacing * internode_m, seed)
+    on_axis = (points_m != cloud_m).any(axis=1)
+    markers_m, weights = choose_markers(points_m, internode_m, settings, seed, on_axis)
     grown = grow_branches(
         seed_plants(feet_m, internode_m, root_radius_m),
-        dense_m[markers],
-        weights[markers],
+        markers_m,
+        weights,
         _reaching(growth, points_m),
         seed,
         progress,
@@ -130,7 +128,60 @@ def fill_hidden(
     if not len(hidden_m) or not len(skeleton):
         return GrownBranches(skeleton=skeleton, cycles=0, grown=0, shed=0, reached=np.zeros(len(hidden_m), bool))
     grown = grow_branches(skeleton, hidden_m, np.ones(len(hidden_m)), _reaching(growth, points_m), seed, progress)
-    return replace(grown, skeleton=_refined(grown.skeleton, growth.internode_m, settings))
+    return replace(grown, skeleton=_refined(grown.skeleton, growth.internode_m, settings, skeleton))
+
+
+def fill_rest(
+    skeleton: Skeleton,
+    points_m: NDArray[np.float64],
+    near_m: float,
+    growth: GrowthSettings,
+    settings: RegrowthSettings = RegrowthSettings(),
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> GrownBranches:
+    """Let the limbs of a skeleton grow on into what it leaves of a cloud; where it leaves nothing, nothing grows.
+
+    Args:
+        skeleton: The branches that were traced, which stay as they are.
+        points_m: (N, 3), the cloud, leaves included.
+        near_m: From a branch's surface, within which a point is one that branches have come to.
+        growth: The plant's parameters; the longest way is taken from the cloud.
+        settings: How the cloud is thinned.
+        seed: Of phyllotaxy, and of which points stay.
+        progress: Called with how far it is, 0 to 1.
+
+    Returns:
+        The branches; reached is (N,) of the points.
+    """
+    seen = near_surface(points_m, skeleton, near_m)
+    rest_m = points_m[~seen]
+    if not len(rest_m):
+        return GrownBranches(skeleton=skeleton, cycles=0, grown=0, shed=0, reached=seen)
+    markers_m, weights = choose_markers(rest_m, growth.internode_m, settings, seed)
+    grown = grow_branches(skeleton, markers_m, weights, _reaching(growth, points_m), seed, progress)
+    filled = _refined(grown.skeleton, growth.internode_m, settings, skeleton)
+    return replace(grown, skeleton=filled, reached=near_surface(points_m, filled, near_m))
+
+
+def choose_markers(
+    points_m: NDArray[np.float64],
+    internode_m: float,
+    settings: RegrowthSettings = RegrowthSettings(),
+    seed: int = 0,
+    important: NDArray[np.bool_] | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(M, 3) of points (N, 3) those that buds compete for, and (M,) how much each is worth.
+
+    Points that are important (N,) are worth as much as any.
+    """
+    dense = choose_disks(points_m, settings.weighing * internode_m, seed)
+    dense_m = points_m[dense]
+    weights = 1 + weigh_points(dense_m, internode_m, settings.importance)
+    if important is not None:
+        weights[important[dense]] = 1 + settings.importance.neighbors
+    markers = choose_disks(dense_m, settings.marker_spacing * internode_m, seed)
+    return dense_m[markers], weights[markers]
 
 
 def draw_to_axes(points_m: NDArray[np.float64], stems: Skeleton, min_m: float) -> NDArray[np.float64]:
@@ -205,7 +256,22 @@ def _reaching(growth: GrowthSettings, points_m: NDArray[np.float64]) -> GrowthSe
     return replace(growth, logistic=logistic)
 
 
-def _refined(skeleton: Skeleton, internode_m: float, settings: RegrowthSettings) -> Skeleton:
-    refined = refine_branches(skeleton, internode_m, settings=settings.refinement)
+def _refined(
+    skeleton: Skeleton, internode_m: float, settings: RegrowthSettings, start: Skeleton | None = None
+) -> Skeleton:
+    """Fair branches; what was there already, the first branches as far as they went, stays as it is.
+
+    The others are inferred, and so is one of the first of which the larger part is new.
+    """
+    stays = None
+    if start is not None:
+        of_start = skeleton.curve < len(start)
+        before_m = np.zeros(len(skeleton))
+        before_m[: len(start)] = start.lengths_m
+        stays = of_start & (skeleton.arcs_m <= (1 + _SAME) * before_m[skeleton.curve])
+        inferred = skeleton.lengths_m > 2 * before_m
+        inferred[: len(start)] |= start.inferred
+        skeleton = replace(skeleton, inferred=inferred)
+    refined = refine_branches(skeleton, internode_m, settings=settings.refinement, stays=stays)
     longest_m = np.maximum(_LONGEST * internode_m, _LONGEST_RADII * refined.radius_m)
     return split_edges(refined, longest_m)[0]

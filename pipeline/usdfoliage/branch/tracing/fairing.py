@@ -60,7 +60,8 @@ def fair_branches(
     """The same branches with their vertices moved so that they bend little, as fair_axes does, however long edges are.
 
     A vertex without weight goes where the others draw the curve: with such ones between those that were found, the
-    result is a smoothing spline (C. Reinsch, 1967). Branches begin where the vertex that they leave from was moved to.
+    result is a smoothing spline (C. Reinsch, 1967). One whose weight is infinite stays. Branches begin where the vertex
+    that they leave from was moved to.
 
     Args:
         skeleton: (V vertices).
@@ -77,12 +78,14 @@ def fair_branches(
         begins = entries == skeleton.first[curve]
         leaves = begins & (skeleton.parent_vertex[curve] >= 0)
         points_m[entries[leaves]] = points_m[skeleton.parent_vertex[curve[leaves]]]
-        pull = np.where(leaves, _FIXED, weight[entries] + _FREE)
+        stays = np.isinf(weight[entries]) & ~leaves
+        pull = np.where(leaves | stays, _FIXED, weight[entries] + _FREE)
         bends = second_differences(curve, step_m[entries[:-1]])
-        own = (weight[entries] > 0) & ~leaves
+        own = (weight[entries] > 0) & ~leaves & ~stays
         stiff = (bends.T @ diags_array(stiffness[entries[_middles(curve)]]) @ bends).tocsc()
         moved_m = _settle(points_m[entries], pull, own, stiff, max_moved_m[entries])
-        points_m[entries[~leaves]] = moved_m[~leaves]
+        moves = ~leaves & ~stays
+        points_m[entries[moves]] = moved_m[moves]
     return replace(skeleton, points_m=points_m)
 
 
@@ -91,7 +94,7 @@ def second_differences(curve_of: NDArray[np.integer], step_m: NDArray[np.floatin
 
     Args:
         curve_of: (K,) the curve of each place; those of a curve follow one another.
-        step_m: (K - 1,) from each place to the next; without it all are alike. Differences are divided by it and
+        step_m: (K - 1,) from each place to the next; without it they count as even. Differences are divided by it and
             multiplied by its mean, so that rows do not depend on the unit.
     """
     count, middle = len(curve_of), _middles(curve_of) - 1

@@ -49,6 +49,7 @@ def refine_branches(
     internode_m: float,
     noise_m: float = 0.0,
     settings: RefinementSettings = RefinementSettings(),
+    stays: NDArray[np.bool_] | None = None,
 ) -> Skeleton:
     """Fair branches with no more vertices than they need.
 
@@ -57,13 +58,18 @@ def refine_branches(
         internode_m: Of the plant.
         noise_m: How far the points that it was traced through are off the bark; vertices may be moved by as much.
         settings: How.
+        stays: (V,), vertices that are not moved; none without it.
     """
-    fair = draw_fair(skeleton, internode_m, noise_m, settings)
+    fair = draw_fair(skeleton, internode_m, noise_m, settings, stays)
     return round_bends(collapse_nodes(fair, internode_m, settings), settings)
 
 
 def draw_fair(
-    skeleton: Skeleton, internode_m: float, noise_m: float, settings: RefinementSettings = RefinementSettings()
+    skeleton: Skeleton,
+    internode_m: float,
+    noise_m: float,
+    settings: RefinementSettings = RefinementSettings(),
+    stays: NDArray[np.bool_] | None = None,
 ) -> Skeleton:
     """Branches as smooth curves near their vertices, with several vertices in place of each edge."""
     if not len(skeleton) or settings.stiffness == 0:
@@ -73,6 +79,9 @@ def draw_fair(
     fine, found = split_edges(skeleton, np.maximum(piece_m, shortest_m))
     weight = np.zeros(len(fine.points_m))
     weight[found] = 1
+    if stays is not None:
+        pieces = np.diff(found, prepend=-1)
+        weight[np.repeat(stays, pieces)] = np.inf
     max_moved_m = np.maximum(settings.max_shifted * fine.radius_m, noise_m)
     # The third power of lengths makes the stiffness that of second differences of the vertices that were found, if
     # these were evenly along their branch.

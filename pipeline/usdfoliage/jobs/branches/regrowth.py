@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -10,7 +11,7 @@ from scipy.spatial import cKDTree
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.foliage.species import Species
 from usdfoliage.branch.growth.grow import GrownBranches
-from usdfoliage.branch.growth.regrowth import RegrowthSettings, fill_hidden, regrow, vary_growth
+from usdfoliage.branch.growth.regrowth import RegrowthSettings, fill_hidden, fill_rest, regrow, vary_growth
 from usdfoliage.branch.growth.settings import GrowthSettings
 from usdfoliage.branch.tracing.reconstruct import TracedBranches, point_spacing
 from usdfoliage.errors import FitError
@@ -18,7 +19,9 @@ from usdfoliage.jobs.branches.warnings import REACHED, check_growth
 from usdfoliage.jobs.plant_cloud import PlantCloud
 from usdfoliage.remarks import Remark, Setting, remark
 
-TRACE, GROW = METHODS = ("trace", "grow")
+Method = Literal["trace", "grow"]
+METHODS: tuple[Method, ...] = get_args(Method)
+TRACE, GROW = METHODS
 MAX_VARIATIONS = 99
 _SPACINGS = 0.7  # of the cloud, that an internode is at least: buds see no points across wider gaps
 _DENSE_SPACINGS = 1.5  # that it is at most: shorter ones come nearer to points that are close together,
@@ -38,7 +41,8 @@ class IncompleteGrowthError(FitError):
 class RegrowthRequest:
     """What growth the user asked for, checked."""
 
-    method: str = TRACE
+    method: Method = TRACE
+    fill: bool = False  # let traced limbs grow on into what they leave of the cloud
     hidden: bool = False  # grow into what the cloud hides
     variations: int = 0
     internode_m: float | None = None  # that was asked for
@@ -46,7 +50,9 @@ class RegrowthRequest:
 
     def describe(self) -> dict[str, str]:
         """Settings by the names of their options; nothing of what was not asked for."""
-        described = {"method": self.method}
+        described: dict[str, str] = {"method": self.method}
+        if self.fill:
+            described["fill"] = "yes"
         if self.hidden:
             described["fill-hidden"] = "yes"
         if self.variations:
@@ -119,6 +125,15 @@ def regrow_branches(
         text = f"branches are grown from the roots through the cloud in {grown.cycles} cycles"
         remarks.append(remark("branches-grown", _with_shares(grown, text)))
         remarks.extend(check_growth(float(grown.reached.mean()), internode_m))
+    if request.fill:
+        rest = _fill_rest(traced, plant, growth, request, seed, progress)
+        traced = replace(traced, skeleton=rest.skeleton)
+        if rest.grown:
+            text = f"{rest.grown:,} branches are grown into what those that were traced leave of the cloud"
+            remarks.append(remark("rest-grown", _with_shares(rest, text)))
+        else:
+            text = "branches leave nothing of the cloud: none is grown into it"
+            remarks.append(remark("nothing-left", text))
     if request.hidden:
         filled = _fill(traced, plant, growth, request, seed, progress)
         traced = replace(traced, skeleton=filled.skeleton)
@@ -216,6 +231,19 @@ def _regrow(
         traced.skeleton,
         near_m,
     )
+
+
+def _fill_rest(
+    traced: TracedBranches,
+    plant: PlantCloud,
+    growth: GrowthSettings,
+    request: RegrowthRequest,
+    seed: int,
+    progress: Callable[[float], None] | None,
+) -> GrownBranches:
+    own = settings_for_cloud(growth, traced, plant, request.internode_m)
+    near_m = _REACHED_SPACINGS * _spacing_m(traced, plant)
+    return fill_rest(traced.skeleton, plant.points_m, near_m, own, request.settings, seed, progress)
 
 
 def _fill(

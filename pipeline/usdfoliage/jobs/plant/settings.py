@@ -6,6 +6,7 @@ from typing import Literal, get_args
 from usdfoliage.errors import FoliageError
 from usdfoliage.isolation.pieces import PieceSettings
 from usdfoliage.jobs.branches.foliage import FoliageRequest
+from usdfoliage.jobs.branches.regrowth import METHODS, TRACE, Method
 from usdfoliage.jobs.capture.settings import CaptureRunSettings
 from usdfoliage.jobs.edits.scatter import LENGTHS_M, MAX_LEAVES
 from usdfoliage.jobs.leaves.settings import LeavesSettings
@@ -63,6 +64,10 @@ class IsolationStageSettings:
 class BranchStageSettings:
     """How branches are traced through the cloud."""
 
+    # trace: branches follow the points of the cloud; grow: they grow from the roots through the points.
+    method: Method = TRACE
+    # true lets traced branches grow on into what they leave of the cloud; the schema marks these as inferred.
+    fill: bool = False
     # auto traces branches where the cloud shows stems or branches; on traces them in any case; off traces none.
     make: MakeBranches = "auto"
     roots: str = "auto"  # Stems leave the ground here: auto, a number of stems, or x,y,z in the capture's coordinates.
@@ -83,6 +88,8 @@ class BranchStageSettings:
             raise ValueError(f"internode_m must be above 0, not {self.internode_m:g}")
         if self.make not in get_args(MakeBranches):
             raise ValueError(f"make must be one of {', '.join(get_args(MakeBranches))}, not {self.make!r}")
+        if self.method not in METHODS:
+            raise ValueError(f"method must be one of {', '.join(METHODS)}, not {self.method!r}")
         if self.cloud_leaves not in get_args(CloudLeaves):
             raise ValueError(f"cloud_leaves must be one of {', '.join(get_args(CloudLeaves))}, not {self.cloud_leaves}")
         if self.max_points < 50:

@@ -21,6 +21,8 @@ from usdfoliage.crown.hull import HullSettings
 from usdfoliage.crown.model_file import write_crown_model
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import CaptureError, FoliageError
+from usdfoliage.jobs.branches.foliage import FoliageRequest
+from usdfoliage.jobs.branches.regrowth import RegrowthRequest
 from usdfoliage.jobs.branches.run import BranchesRequest, find_branches, report_branches
 from usdfoliage.jobs.branches.tracing import NoStemsError
 from usdfoliage.jobs.crown.capture_input import PlantPoints
@@ -79,6 +81,8 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             internode_m=settings.internode_m, leaves=settings.cloud_leaves, radii=RadiusSettings(allometry=allometry)
         ),
         species=known.name if known else "",
+        foliage=FoliageRequest(species=known) if known else FoliageRequest(),
+        regrowth=RegrowthRequest(method=settings.method, fill=settings.fill, internode_m=settings.internode_m),
         max_faces=settings.max_faces,
         seed=call.settings.seed,
         times=False,
