@@ -10,7 +10,7 @@ from usdfoliage.branch.cage.closed import PlainChoice, build_with_twigs, close_b
 from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.twigs import TwigSettings
-from usdfoliage.branch.whole_wood import measure_wholeness
+from usdfoliage.branch.whole_wood import bare_lengths, measure_wholeness
 from usdfoliage.geometry.smooth_mesh import refine_smooth
 from usdfoliage.jobs.branches.surfaces import build_surfaces
 
@@ -30,6 +30,21 @@ def plant(twig_m=0.01, trunk_m=0.05):
 def twigs(skeleton, plain, coarser=1.0):
     choice = PlainChoice(plain=np.array(plain), gone=np.zeros(len(skeleton), bool), twigs=TwigSettings(coarser=coarser))
     return build_with_twigs(skeleton, choice, BranchCageSettings(), axis_exits(skeleton))
+
+
+def test_coarse_twigs_keep_near_their_axes_in_bends():
+    """A twig that winds: with three times fewer rings along straight pieces, not in bends, it stays at its axis."""
+    angle = np.linspace(0, 4 * np.pi, 160)
+    winding_m = np.stack([0.05 + 0.01 * angle, 1 + 0.03 * np.sin(angle), 0.03 * np.cos(angle) - 0.03], axis=1)
+    winding_m = np.concatenate([[[0, 1, 0]], winding_m])
+    skeleton = plant_of((TRUNK, 0.05, None, 0), (winding_m, 0.004, 0, 10))
+    faces = []
+    for coarser in (1.0, 2.0, 3.0):
+        cage = twigs(skeleton, [False, True], coarser)
+        bare_m = bare_lengths(skeleton, *refine_smooth(cage.points_m, cage.faces, 2))
+        assert bare_m[1] < 0.02 * skeleton.lengths_m[1]
+        faces.append(len(cage.faces))
+    assert faces[0] > faces[1] >= faces[2]
 
 
 def test_a_twig_is_drawn_out_of_a_face_of_the_trunk():

@@ -32,6 +32,7 @@ BEHIND = 1.2  # of the radius of what a twig goes on from, that a piece begins b
 CLEAR = 0.5  # of its radius, between the parent's surface and a twig's first ring
 STEEPEST = 2.0  # cotangent of the angle to the parent, up to which that is more where a twig leaves at an angle
 SAGITTA = 0.4  # radii: how far a straight line from ring to ring may be from the axis
+COARSEST_BENT = 2.0  # times fewer rings in a bend: with fewer still the surface would leave the axis
 LONGEST = 60.0  # radii, from ring to ring
 CLOSE = 0.4  # radii, between the rings of a piece where it comes out
 NEAREST = 0.3  # radii: rings keep this distance, but for the one beside the tip
@@ -216,9 +217,10 @@ def _measure(skeleton: Skeleton, settings: TwigSettings) -> Floats:
     half = np.zeros(len(step))
     half[1:] = (turn[:-1] + turn[1:]) / 2
     # Of n straight lines along an arc that turns by t over s, each is s t / (8 n²) off in its middle.
-    asked = np.sqrt(half * length_m / (8 * SAGITTA * skeleton.radius_m)) + length_m / (LONGEST * skeleton.radius_m)
+    bent = np.sqrt(half * length_m / (8 * SAGITTA * skeleton.radius_m)) / min(settings.coarser, COARSEST_BENT)
+    asked = bent + length_m / (LONGEST * skeleton.radius_m) / settings.coarser
     asked[skeleton.first] = 0
-    return np.cumsum(asked / settings.coarser)
+    return np.cumsum(asked)
 
 
 def _place_rings(

@@ -53,7 +53,9 @@ class BranchSettings:
     fine_spacings: float = 1.6  # distances to the sixth neighbour, thickness of a slice at most
     fine_noises: float = 2.5  # mean distances of points from a stem's surface, thickness of a slice at least
     sparse: float = 0.6  # internodes, that points are apart from where on each of them may be a twig's only one
-    sparse_spacings: float = 0.14  # distances to the sixth neighbour, thickness of a slice there
+    sparse_spacings: float = 0.14  # distances to the sixth neighbour, thickness of a slice there,
+    wood_spacings: float = 0.03  # and where all points are of wood
+    wood_stiffness: float = 0.3  # of axes there: slices have few points, which are all that is known of a twig
     stem_share: float = 0.3  # of the radius of a thick stem, thickness of its slices
     min_length: float = 1.0  # slices, that a branch must reach beyond its parent's surface
     max_gap: float = 1.0  # of the path beyond it, that a gap between a branch and the rest may be long
@@ -98,6 +100,7 @@ class _Cut:
     spacing_m: float
     fine_m: float
     pieces: int
+    stiffness: float  # of axes
 
 
 def reconstruct_branches(
@@ -151,13 +154,15 @@ def reconstruct_branches(
     elif search:
         wood, cut = _find_wood(points_m, roots_m, internode_m, spacing_m, settings, colors, report)
     else:
-        wood, cut = np.arange(len(points_m)), _cut(points_m, roots_m, internode_m, spacing_m, settings)
+        wood, cut = np.arange(len(points_m)), _cut(points_m, roots_m, internode_m, spacing_m, settings, all_wood=True)
+    if search and len(wood) == len(points_m) and _is_sparse(internode_m, spacing_m, settings):
+        cut = _cut(points_m, roots_m, internode_m, spacing_m, settings, all_wood=True)
     report("branches", 0.7)
     cut = _without_gaps(cut, settings.max_gap)
     fine_m = cut.fine_m
     window_m = max(2 * fine_m, 1.5 * cut.spacing_m)
     traced = trace_axes(
-        cut.points_m, cut.sections, settings.min_length * fine_m, window_m, settings.stiffness, settings.radii
+        cut.points_m, cut.sections, settings.min_length * fine_m, window_m, cut.stiffness, settings.radii
     )
     # Again, without what ends inside the stem that it springs from, or runs along its bark: its points are the stem's.
     min_m = np.full(len(cut.sections), settings.min_length * fine_m)
@@ -165,7 +170,7 @@ def reconstruct_branches(
     spurs = np.zeros(len(traced.axes), bool)
     spurs[np.diff(traced.axes.first) >= 2] = _spurs(as_skeleton(traced), settings)
     sections, kept = absorb_spurs(cut.points_m, cut.sections, traced.axes, spurs)
-    traced = trace_axes(cut.points_m, sections, min_m[kept], window_m, settings.stiffness, settings.radii)
+    traced = trace_axes(cut.points_m, sections, min_m[kept], window_m, cut.stiffness, settings.radii)
     branches = as_skeleton(traced)
     branches = branches.only(~_spurs(branches, settings))
     branches = straighten_cut_ends(branches, _HANGS_TOGETHER * cut.spacing_m)
@@ -252,12 +257,17 @@ def _cut(
     internode_m: float,
     spacing_m: float,
     settings: BranchSettings,
+    all_wood: bool = False,
 ) -> _Cut:
-    """Sections of a cloud, as thick as the stem or the twig that they are of asks for."""
+    """Sections of a cloud, as thick as the stem or the twig that they are of asks for.
+
+    Thin slices of leaves look like twigs: where there may be leaves, slices are thicker.
+    """
     graph = link_points(points_m, settings.graph)
     feet, of_root = _find_feet(points_m, roots_m, spacing_m)
     stem_m, noise_m = _find_stems(points_m, graph, (feet, of_root), internode_m, spacing_m, settings)
-    fine_m = _slice_thickness(internode_m, spacing_m, noise_m, settings)
+    fine_m = _slice_thickness(internode_m, spacing_m, noise_m, settings, all_wood)
+    few_points = all_wood and _is_sparse(internode_m, spacing_m, settings)
     # A slice of a branch whose surface is seen hangs together where it is thicker than its points are apart; one that
     # is thinner than that is a line of points.
     together_m = np.minimum(_HANGS_TOGETHER * spacing_m, 2 * stem_m)
@@ -271,6 +281,7 @@ def _cut(
         spacing_m=spacing_m,
         fine_m=fine_m,
         pieces=graph.pieces,
+        stiffness=settings.wood_stiffness if few_points else settings.stiffness,
     )
 
 
@@ -294,7 +305,7 @@ def _in_thick_branches(cut: _Cut, settings: BranchSettings) -> NDArray[np.bool_]
     """(N,) points of slices that fell apart on the surface of a thick branch, and look like leaves of it."""
     window_m = max(2 * cut.fine_m, 1.5 * cut.spacing_m)
     min_m = settings.min_length * cut.fine_m
-    traced = trace_axes(cut.points_m, cut.sections, min_m, window_m, settings.stiffness, settings.radii)
+    traced = trace_axes(cut.points_m, cut.sections, min_m, window_m, cut.stiffness, settings.radii)
     thick = np.zeros(len(cut.sections), bool)
     thick[traced.axes.nodes] = True
     thick &= traced.radii.radius_m > _HANGS_TOGETHER * cut.spacing_m
@@ -335,13 +346,19 @@ def _find_feet(
     return np.concatenate(feet), np.repeat(np.arange(len(feet)), [len(foot) for foot in feet])
 
 
-def _slice_thickness(internode_m: float, spacing_m: float, noise_m: float, settings: BranchSettings) -> float:
+def _is_sparse(internode_m: float, spacing_m: float, settings: BranchSettings) -> bool:
+    return spacing_m > settings.sparse * internode_m
+
+
+def _slice_thickness(
+    internode_m: float, spacing_m: float, noise_m: float, settings: BranchSettings, all_wood: bool
+) -> float:
     """As fine as twigs ask for where points are close together; where they are not, points are twigs.
 
     A slice that is thinner than its points are off their surface falls apart, and each of its parts looks like a twig.
     """
-    if spacing_m > settings.sparse * internode_m:
-        return settings.sparse_spacings * spacing_m
+    if _is_sparse(internode_m, spacing_m, settings):
+        return (settings.wood_spacings if all_wood else settings.sparse_spacings) * spacing_m
     fine_m = max(settings.fine * internode_m, settings.fine_noises * noise_m)
     return min(fine_m, settings.fine_spacings * spacing_m)
 

@@ -16,6 +16,8 @@ FACES_A_POINT = 6  # of a cloud, that the surface of its branches may have
 MIN_FACES, MAX_FACES = 30_000, 400_000
 MIN_MAX_FACES = 1000  # that may be asked for
 CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0)  # bends are those of points that were measured
+_FINER = BranchCageSettings(axis_tolerance=0.01, longest_row=2.0)  # where that takes few faces
+_FEW = 0.25  # of the faces that a surface may have
 _COARSER_ORDERS = (1, 2)  # variants of the surface
 
 
@@ -37,6 +39,9 @@ def faces_of_cloud(points: int) -> int:
 def build_surfaces(skeleton: Skeleton, max_faces: int = MAX_FACES) -> MadeSurfaces:
     """The surface of all branches and those of the lower orders, with at most so many faces each."""
     closed = close_branches(skeleton, CAGE, max_faces)
+    if len(closed.cage.faces) <= _FEW * max_faces:
+        finer = close_branches(skeleton, _FINER, max_faces)
+        closed = finer if len(finer.cage.faces) <= max_faces else closed
     highest = int(closed.skeleton.order.max())
     coarser = [(order, _build_up_to(closed, order)) for order in _COARSER_ORDERS if order < highest]
     return MadeSurfaces(
