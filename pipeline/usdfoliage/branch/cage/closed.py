@@ -36,7 +36,7 @@ COARSER = (1.0, 1.5, 2.0, 3.0)  # times fewer rings of twigs
 SHORT_ROUNDS = 4  # of leaving out what ends inside its parent: others then leave from there
 ASTRAY_ROUNDS = 2  # of drawing otherwise what is bare, for others come to lie elsewhere then
 AFLOAT_ROUNDS = 3
-AFLOAT_LEVELS = 2  # of division, at which pieces are looked at
+AFLOAT_LEVELS = (1, 2)  # of division, at which pieces are looked at: as reports and validation do, and finer
 ASTRAY = 1.0  # radii of an axis without surface, from which on a branch is drawn otherwise
 TOUCH_M = 0.5 * AFLOAT_M  # between points of thin branches and what they run into
 THIN_M = 0.015  # radius of branches that may be lost where it is not sure that they touch
@@ -275,15 +275,16 @@ def find_afloat(closed: ClosedBranches) -> NDArray[np.bool_]:
         return lost
     near = _faces_near(cage, ~rooted[of_face])
     used, corners = np.unique(cage.faces[near], return_inverse=True)
-    points_m, faces = refine_smooth(cage.points_m[used], corners.reshape(-1, 4), AFLOAT_LEVELS)
-    piece = np.zeros(len(points_m), np.int32)
-    piece[faces] = np.repeat(of_face[near], 4**AFLOAT_LEVELS)[:, None]
-    gaps_m = measure_gaps(points_m, faces, piece, asked)
     thickest_m = np.zeros(count)
     np.maximum.at(thickest_m, of_face, np.maximum.reduceat(skeleton.radius_m, skeleton.first)[cage.curve])
     thin = asked[thickest_m[asked] < THIN_M]
     afloat = np.zeros(count, bool)
-    afloat[asked[gaps_m > 0]] = True
+    for levels in AFLOAT_LEVELS:
+        points_m, faces = refine_smooth(cage.points_m[used], corners.reshape(-1, 4), levels)
+        piece = np.zeros(len(points_m), np.int32)
+        piece[faces] = np.repeat(of_face[near], 4**levels)[:, None]
+        afloat[asked[measure_gaps(points_m, faces, piece, asked) > 0]] = True
+    # At the finest.
     afloat[thin[measure_gaps(points_m, faces, piece, thin, TOUCH_M, through=False) > TOUCH_M]] = True
     lost[cage.curve[afloat[of_face]]] = True
     return lost
