@@ -12,6 +12,7 @@ from usdfoliage.branch.tracing.roots import RootSettings
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches import warnings
 from usdfoliage.jobs.branches.run import BranchesRequest, make_branches_asset
+from usdfoliage.jobs.models import read_models
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots, read_unit, read_up
 
 from tests.support.cloud_files import write_ply
@@ -214,6 +215,19 @@ def test_similar_plants_fill_what_the_crown_hides_as_well(tmp_path, rng):
         points = skeleton_points(tmp_path / name / "variations" / f"{name}_01" / f"{name}_01.usda")
         inside.append(int((np.linalg.norm(points - [0, 1.3, 0], axis=1) < 0.3).sum()))
     assert inside[1] > inside[0] + 20
+
+
+def test_limbs_grow_on_where_they_are_asked_to(tmp_path, rng):
+    """A tree, and beside its top a cluster that no branch was traced to, as across a gap."""
+    cluster = rng.normal([0.9, 0, 1.6], 0.08, (300, 3))
+    cloud = write_xyz(tmp_path / "tree.xyz", np.concatenate([y_tree(rng)[::4], cluster]))
+    marked = {}
+    for name, options in (("traced", []), ("filled", ["--fill"])):
+        asked = ["--no-preview", "--up", "Z", "--roots", "0,0,0", "--cloud-leaves", "off", *options]
+        assert main(["branches", str(cloud), "-o", str(tmp_path / name), *asked]) == 0
+        marked[name] = read_models(tmp_path / name).skeleton.inferred
+    assert not marked["traced"].any()
+    assert 0 < marked["filled"].sum() < len(marked["filled"])
 
 
 def test_growth_that_comes_to_few_points_is_a_warning(tmp_path, rng, capsys):

@@ -163,3 +163,19 @@ def test_figures_of_such_stems_are_none_of_the_trace_of_the_cloud(tmp_path):
     assert not [row for row in found.rows if row.name == "internode"]
     of_cloud = find_branches(replace(request, needs_stems=False), None, {})
     assert [row for row in of_cloud.rows if "circles" in row.remark]
+
+
+def test_points_too_far_apart_to_show_leaves_give_a_tree_all_the_same(tmp_path):
+    """A crown seen from an aircraft, without a stem: nothing is round, and branches are traced to all of it."""
+    rng = np.random.default_rng(0)
+    crown_m = rng.normal(size=(800, 3))
+    crown_m *= 3 * np.cbrt(rng.random((800, 1))) / np.linalg.norm(crown_m, axis=1, keepdims=True)
+    crown_m += [0, 7, 0]
+    stem_m = np.column_stack([rng.normal(0, 0.1, 12), np.linspace(0, 4.2, 12), rng.normal(0, 0.1, 12)])
+    points_m = np.concatenate([crown_m, stem_m])
+    plain = trace(tmp_path / "tree.ply", points_m)
+    needed = trace(tmp_path / "tree.ply", points_m, needs_stems=True)
+    assert not needed.traced.knows_leaves
+    np.testing.assert_array_equal(needed.traced.skeleton.points_m, plain.traced.skeleton.points_m)
+    assert [each.code for each in needed.remarks] == [each.code for each in plain.remarks]
+    assert len(needed.traced.skeleton) > 50

@@ -119,7 +119,7 @@ def _read_regrowth(options: argparse.Namespace) -> RegrowthRequest:
         raise FoliageError(f"--variations must be 0 to {MAX_VARIATIONS}, not {options.variations}")
     return RegrowthRequest(
         method=options.method,
-        fill=options.fill,
+        fill="on" if options.fill else "off",
         hidden=options.fill_hidden,
         variations=options.variations,
         internode_m=options.internode,

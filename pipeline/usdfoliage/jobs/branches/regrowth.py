@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from usdfoliage.branch.allometry import AllometrySettings
+from usdfoliage.branch.distances import near_surface
 from usdfoliage.branch.foliage.species import Species
 from usdfoliage.branch.growth.grow import GrownBranches
 from usdfoliage.branch.growth.regrowth import RegrowthSettings, fill_hidden, fill_rest, regrow, vary_growth
@@ -22,6 +23,8 @@ from usdfoliage.remarks import Remark, Setting, remark
 Method = Literal["trace", "grow"]
 METHODS: tuple[Method, ...] = get_args(Method)
 TRACE, GROW = METHODS
+Fill = Literal["auto", "on", "off"]
+_LEAVES_OUT = 0.03  # share of the points, from which on what traced branches leave of a cloud is grown into
 MAX_VARIATIONS = 99
 _SPACINGS = 0.7  # of the cloud, that an internode is at least: buds see no points across wider gaps
 _DENSE_SPACINGS = 1.5  # that it is at most: shorter ones come nearer to points that are close together,
@@ -42,7 +45,8 @@ class RegrowthRequest:
     """What growth the user asked for, checked."""
 
     method: Method = TRACE
-    fill: bool = False  # let traced limbs grow on into what they leave of the cloud
+    # Let traced limbs grow on into what they leave of the cloud; auto: where it does not show which points are leaves.
+    fill: Fill = "off"
     hidden: bool = False  # grow into what the cloud hides
     variations: int = 0
     internode_m: float | None = None  # that was asked for
@@ -51,8 +55,8 @@ class RegrowthRequest:
     def describe(self) -> dict[str, str]:
         """Settings by the names of their options; nothing of what was not asked for."""
         described: dict[str, str] = {"method": self.method}
-        if self.fill:
-            described["fill"] = "yes"
+        if self.fill != "off":
+            described["fill"] = self.fill
         if self.hidden:
             described["fill-hidden"] = "yes"
         if self.variations:
@@ -125,7 +129,7 @@ def regrow_branches(
         text = f"branches are grown from the roots through the cloud in {grown.cycles} cycles"
         remarks.append(remark("branches-grown", _with_shares(grown, text)))
         remarks.extend(check_growth(float(grown.reached.mean()), internode_m))
-    if request.fill:
+    if request.fill == "on" or (request.fill == "auto" and _leaves_much(traced, plant)):
         rest = _fill_rest(traced, plant, growth, request, seed, progress)
         traced = replace(traced, skeleton=rest.skeleton)
         if rest.grown:
@@ -231,6 +235,14 @@ def _regrow(
         traced.skeleton,
         near_m,
     )
+
+
+def _leaves_much(traced: TracedBranches, plant: PlantCloud) -> bool:
+    """Whether branches leave more than a little of a cloud of which it is not known what is leaves."""
+    if traced.knows_leaves or not len(plant.points_m):
+        return False
+    near = near_surface(plant.points_m, traced.skeleton, _REACHED_SPACINGS * _spacing_m(traced, plant))
+    return bool(1 - near.mean() > _LEAVES_OUT)
 
 
 def _fill_rest(

@@ -6,7 +6,7 @@ from typing import Literal, get_args
 from usdfoliage.errors import FoliageError
 from usdfoliage.isolation.pieces import PieceSettings
 from usdfoliage.jobs.branches.foliage import FoliageRequest
-from usdfoliage.jobs.branches.regrowth import METHODS, TRACE, Method
+from usdfoliage.jobs.branches.regrowth import METHODS, TRACE, Fill, Method
 from usdfoliage.jobs.capture.settings import CaptureRunSettings
 from usdfoliage.jobs.edits.scatter import LENGTHS_M, MAX_LEAVES
 from usdfoliage.jobs.leaves.settings import LeavesSettings
@@ -66,8 +66,9 @@ class BranchStageSettings:
 
     # trace: branches follow the points of the cloud; grow: they grow from the roots through the points.
     method: Method = TRACE
-    # true lets traced branches grow on into what they leave of the cloud; the schema marks these as inferred.
-    fill: bool = False
+    # on lets traced branches grow on into what they leave of the cloud, which the schema marks as inferred; auto does
+    # so where a cloud without photographs does not show which of its points are leaves.
+    fill: Fill = "auto"
     # auto traces branches where the cloud shows stems or branches; on traces them in any case; off traces none.
     make: MakeBranches = "auto"
     roots: str = "auto"  # Stems leave the ground here: auto, a number of stems, or x,y,z in the capture's coordinates.
@@ -90,6 +91,8 @@ class BranchStageSettings:
             raise ValueError(f"make must be one of {', '.join(get_args(MakeBranches))}, not {self.make!r}")
         if self.method not in METHODS:
             raise ValueError(f"method must be one of {', '.join(METHODS)}, not {self.method!r}")
+        if self.fill not in get_args(Fill):
+            raise ValueError(f"fill must be one of {', '.join(get_args(Fill))}, not {self.fill!r}")
         if self.cloud_leaves not in get_args(CloudLeaves):
             raise ValueError(f"cloud_leaves must be one of {', '.join(get_args(CloudLeaves))}, not {self.cloud_leaves}")
         if self.max_points < 50:

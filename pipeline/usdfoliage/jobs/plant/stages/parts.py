@@ -22,7 +22,7 @@ from usdfoliage.crown.model_file import write_crown_model
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.branches.foliage import FoliageRequest
-from usdfoliage.jobs.branches.regrowth import RegrowthRequest
+from usdfoliage.jobs.branches.regrowth import Fill, RegrowthRequest
 from usdfoliage.jobs.branches.run import BranchesRequest, find_branches, report_branches
 from usdfoliage.jobs.branches.tracing import NoStemsError
 from usdfoliage.jobs.crown.capture_input import PlantPoints
@@ -66,6 +66,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
     roots, given_roots = read_roots(settings.roots)
     known = known_species(species)
     allometry = AllometrySettings(exponent=known.exponent) if known else AllometrySettings()
+    fill: Fill = "off" if settings.fill == "auto" and call.has(CLOUD) else settings.fill
     request = BranchesRequest(
         cloud=PlantCloudRequest(
             path=_cloud_of(call),
@@ -82,7 +83,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         ),
         species=known.name if known else "",
         foliage=FoliageRequest(species=known) if known else FoliageRequest(),
-        regrowth=RegrowthRequest(method=settings.method, fill=settings.fill, internode_m=settings.internode_m),
+        regrowth=RegrowthRequest(method=settings.method, fill=fill, internode_m=settings.internode_m),
         max_faces=settings.max_faces,
         seed=call.settings.seed,
         times=False,
@@ -90,7 +91,6 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         color_of_cloud=call.has(CLOUD),  # a scan may be coloured by height or intensity
     )
     seconds: dict[str, float] = {}
-
     by_photographs = call.has(CLOUD) and settings.photographs and not given_roots
     failures: list[Remark] = []
     if call.has(CLOUD) and settings.photographs and given_roots:
