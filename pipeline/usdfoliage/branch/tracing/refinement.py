@@ -25,7 +25,7 @@ class RefinementSettings:
     stiffness: float = 0.4  # of branches, for them to be fair: weight of a second difference of vertices
     max_shifted: float = 0.5  # of the radius, that a vertex is moved for its branch to be fair
     pieces: int = 8  # of an edge, that a fair branch is drawn with before its nodes collapse
-    shortest: float = 0.08  # internodes, that such a piece is long at least,
+    shortest: float = 0.04  # internodes, that such a piece is long at least,
     shortest_radii: float = 0.1  # and of its radius
     max_turn_deg: float = 5.0  # that a branch turns along an edge
     max_moved: float = 0.05  # of the radius, by which a branch may move where a node goes
