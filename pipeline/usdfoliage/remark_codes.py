@@ -791,8 +791,13 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "rest-grown": RemarkKind(
                 severity="info",
-                meaning="Branches were grown into what traced branches leave of the cloud, as was asked for.",
-                action="Nothing. `foliage:inferred` of the skeleton marks them.",
+                meaning="Branches were grown, or grew on, into what others leave of the cloud.",
+                action="Nothing. `foliage:inferred` of the skeleton is 1 for those whose larger part grew so.",
+            ),
+            "rest-out-of-reach": RemarkKind(
+                severity="info",
+                meaning="No branch grows to the points that branches leave: they are too far from all of them.",
+                action="Give a longer internode, or places of roots, if these points are of the plant.",
             ),
             "nothing-left": RemarkKind(
                 severity="info",

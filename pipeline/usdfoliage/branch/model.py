@@ -23,7 +23,7 @@ class Skeleton:
         parent_curve: (B,), number of the parent, -1 for a root.
         parent_vertex: (B,), index into points_m, -1 for a root.
         order: (B,), 0 for a trunk, else the parent's order + 1.
-        inferred: (B,), whether nothing shows the branch; without it none is.
+        inferred: (B,), whether the larger part of a branch was grown where nothing was traced; without it none was.
 
     Raises:
         ValueError: The arrays are not of these shapes, a number is not finite, a radius is not above 0, or branches are

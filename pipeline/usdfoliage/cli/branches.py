@@ -91,7 +91,8 @@ def _add_tracing(parser: argparse._ActionsContainer) -> None:
     parser.add_argument(
         "--fill",
         action="store_true",
-        help="Let traced branches grow on into what they leave of the cloud. The schema marks what is grown so.",
+        help="Let branches grow on into what they leave of the cloud. foliage:inferred of the skeleton is 1 for "
+        "branches that are grown so.",
     )
     parser.add_argument(
         "--fill-hidden",

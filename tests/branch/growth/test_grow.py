@@ -1,6 +1,7 @@
 """Growth towards points whose places decide what must grow."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -157,7 +158,7 @@ def test_the_inside_of_a_closed_crown_is_grown_into():
 
 def test_limbs_grow_on_into_what_they_leave_of_a_cloud():
     """A trunk and a limb are traced; beside the limb's tip there is a ball of points, as of leaves."""
-    limb_m = line([0, 1, 0], [0.8, 1.2, 0], 40)
+    limb_m = np.concatenate([line([0, 1, 0], [0.4, 1.0, 0], 20), line([0.4, 1.0, 0], [0.8, 1.2, 0.2], 21)[1:]])
     traced = plant_of((line([0, 0, 0], [0, 2, 0], 61), 0.03, None, 0), (limb_m, 0.015, 0, 30))
     leaves_m = ball([1.1, 1.3, 0], 0.3, 800)
     cloud_m = np.concatenate([traced.points_m, leaves_m])
@@ -167,8 +168,10 @@ def test_limbs_grow_on_into_what_they_leave_of_a_cloud():
     skeleton = filled.skeleton
     for number in range(2):  # as they were, as far as they went
         before_m, after_m = traced.points_m[traced.branch(number)], skeleton.points_m[skeleton.branch(number)]
-        assert cKDTree(line(before_m[0], before_m[-1], 2000)).query(after_m)[0].min() < 1e-3
-        assert cKDTree(after_m).query(before_m[[0, -1]])[0].max() < 1e-9
+        fine_m = np.concatenate([line(a, b, 200) for a, b in pairwise(after_m)])
+        assert cKDTree(fine_m).query(before_m)[0].max() < 5e-3  # between the points of the finer line
+        assert cKDTree(after_m).query(before_m[[0, 19, -1]])[0][[0, 2]].max() < 1e-9
+    assert cKDTree(skeleton.points_m).query(limb_m[19])[0] < 1e-9  # its bend, too
     assert not skeleton.inferred[0]
     assert skeleton.inferred[2:].all()
     again = fill_rest(skeleton, cloud_m[filled.reached], 0.1, PLAIN)

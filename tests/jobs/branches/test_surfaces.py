@@ -19,7 +19,7 @@ def test_a_stem_that_takes_few_faces_is_drawn_finely():
     for max_faces in (30, MIN_FACES):
         made = build_surfaces(stem, max_faces)
         cage = made.surfaces.whole
-        assert len(cage.faces) <= max_faces or max_faces == 30
+        assert len(cage.faces) <= MIN_FACES
         surface_m = refine_smooth(cage.points_m, cage.faces, 3)[0]
         beside = (surface_m[:, 1] > 0.5) & (surface_m[:, 1] < 3.5)
         away_m, nearest = cKDTree(places.points_m).query(surface_m[beside])

@@ -156,7 +156,7 @@ def fill_rest(
     """
     seen = near_surface(points_m, skeleton, near_m)
     rest_m = points_m[~seen]
-    if not len(rest_m):
+    if not len(rest_m) or not len(skeleton):
         return GrownBranches(skeleton=skeleton, cycles=0, grown=0, shed=0, reached=seen)
     markers_m, weights = choose_markers(rest_m, growth.internode_m, settings, seed)
     grown = grow_branches(skeleton, markers_m, weights, _reaching(growth, points_m), seed, progress)

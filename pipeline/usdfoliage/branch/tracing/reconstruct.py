@@ -54,7 +54,7 @@ class BranchSettings:
     fine_noises: float = 2.5  # mean distances of points from a stem's surface, thickness of a slice at least
     sparse: float = 0.6  # internodes, that points are apart from where on each of them may be a twig's only one
     sparse_spacings: float = 0.14  # distances to the sixth neighbour, thickness of a slice there,
-    wood_spacings: float = 0.03  # and where all points are of wood
+    wood_spacings: float = 0.03  # and where all points are taken for wood, known to be or not
     wood_stiffness: float = 0.3  # of axes there: slices have few points, which are all that is known of a twig
     stem_share: float = 0.3  # of the radius of a thick stem, thickness of its slices
     min_length: float = 1.0  # slices, that a branch must reach beyond its parent's surface
@@ -261,7 +261,7 @@ def _cut(
 ) -> _Cut:
     """Sections of a cloud, as thick as the stem or the twig that they are of asks for.
 
-    Thin slices of leaves look like twigs: where there may be leaves, slices are thicker.
+    Thin slices of leaves look like twigs: where leaves are looked for, slices are thicker.
     """
     graph = link_points(points_m, settings.graph)
     feet, of_root = _find_feet(points_m, roots_m, spacing_m)

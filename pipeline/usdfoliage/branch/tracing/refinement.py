@@ -15,6 +15,7 @@ from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.tracing.fairing import fair_branches
 
 _REACH = 0.5  # of the shorter edge, that a bend is rounded over
+_STRAIGHT = 1e-6  # radians
 _ROUNDED = 3  # vertices that take the place of one
 
 
@@ -58,10 +59,14 @@ def refine_branches(
         internode_m: Of the plant.
         noise_m: How far the points that it was traced through are off the bark; vertices may be moved by as much.
         settings: How.
-        stays: (V,), vertices that are not moved; none without it.
+        stays: (V,), vertices that are not moved, and stay where their branch bends; none without it.
     """
-    fair = draw_fair(skeleton, internode_m, noise_m, settings, stays)
-    return round_bends(collapse_nodes(fair, internode_m, settings), settings)
+    fair, found = _draw_fair(skeleton, internode_m, noise_m, settings, stays)
+    fixed = np.zeros(len(fair.points_m), bool)
+    if stays is not None:
+        fixed[found] = stays
+    kept = _nodes_needed(fair, internode_m, settings, fixed)
+    return round_bends(fair.only_vertices(kept) if len(fair) else fair, settings, fixed[kept])
 
 
 def draw_fair(
@@ -72,8 +77,19 @@ def draw_fair(
     stays: NDArray[np.bool_] | None = None,
 ) -> Skeleton:
     """Branches as smooth curves near their vertices, with several vertices in place of each edge."""
+    return _draw_fair(skeleton, internode_m, noise_m, settings, stays)[0]
+
+
+def _draw_fair(
+    skeleton: Skeleton,
+    internode_m: float,
+    noise_m: float,
+    settings: RefinementSettings,
+    stays: NDArray[np.bool_] | None,
+) -> tuple[Skeleton, NDArray[np.int64]]:
+    """The smooth curves, and (V,) the vertices in them that were there before."""
     if not len(skeleton) or settings.stiffness == 0:
-        return skeleton
+        return skeleton, np.arange(len(skeleton.points_m))
     shortest_m = np.maximum(settings.shortest * internode_m, settings.shortest_radii * skeleton.radius_m)
     piece_m = np.linalg.norm(skeleton.edges_m, axis=1) / settings.pieces
     fine, found = split_edges(skeleton, np.maximum(piece_m, shortest_m))
@@ -89,23 +105,33 @@ def draw_fair(
     step_m = np.linalg.norm(fine.edges_m, axis=1)
     step_m = np.maximum(0.5 * (step_m + np.roll(step_m, -1)), 0.5 * np.minimum(shortest_m.min(), edge_m))
     stiffness = settings.stiffness * np.maximum(edge_m / np.maximum(step_m, 1e-12), 1) ** 3
-    return fair_branches(fine, weight, stiffness, max_moved_m)
+    return fair_branches(fine, weight, stiffness, max_moved_m), found
 
 
 def collapse_nodes(
     skeleton: Skeleton, internode_m: float, settings: RefinementSettings = RefinementSettings()
 ) -> Skeleton:
     """Without vertices that neither bend nor thin their branch; ends, and where others spring from, stay."""
-    if not len(skeleton):
-        return skeleton
+    fixed = np.zeros(len(skeleton.points_m), bool)
+    return skeleton.only_vertices(_nodes_needed(skeleton, internode_m, settings, fixed)) if len(skeleton) else skeleton
+
+
+def _nodes_needed(
+    skeleton: Skeleton, internode_m: float, settings: RefinementSettings, fixed: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """(V,) vertices without which branches would be others; those that are fixed (V,) are where they bend."""
     count = len(skeleton.points_m)
+    if not count:
+        return fixed
     allowed_m = np.maximum(settings.max_moved * skeleton.radius_m, settings.min_moved * internode_m)
     allowed_m = np.maximum(allowed_m, 1e-12)  # where nothing may move, what lies on a line goes still
     kept = np.zeros(count, bool)
     kept[skeleton.parent_vertex[skeleton.parent_vertex >= 0]] = True
     kept[skeleton.first] = kept[skeleton.first + skeleton.counts - 1] = True
     # An edge stands for a piece of the curve that turns little.
-    turned = np.cumsum(turns_rad(skeleton)) / np.radians(settings.max_turn_deg)
+    turns = turns_rad(skeleton)
+    kept |= fixed & (turns > _STRAIGHT)
+    turned = np.cumsum(turns) / np.radians(settings.max_turn_deg)
     step = np.floor(turned - turned[skeleton.first][skeleton.curve])
     kept[1:] |= (step[1:] > step[:-1]) & (skeleton.curve[1:] == skeleton.curve[:-1])
     # As D. Douglas and T. Peucker, 1973, with the radius as a further coordinate, of all edges at once.
@@ -132,7 +158,7 @@ def collapse_nodes(
         if not len(found):
             break
         kept[found] = True
-    return skeleton.only_vertices(kept)
+    return kept
 
 
 def turns_rad(skeleton: Skeleton) -> NDArray[np.float64]:
@@ -167,10 +193,14 @@ def split_edges(skeleton: Skeleton, longest_m: NDArray[np.float64]) -> tuple[Ske
     return split, end
 
 
-def round_bends(skeleton: Skeleton, settings: RefinementSettings = RefinementSettings()) -> Skeleton:
+def round_bends(
+    skeleton: Skeleton,
+    settings: RefinementSettings = RefinementSettings(),
+    stays: NDArray[np.bool_] | None = None,
+) -> Skeleton:
     """Sharp bends as Hermite curves from the middle of one edge to that of the next, through the vertex' side of both.
 
-    A vertex that others spring from stays where it is, and so does its bend.
+    A vertex that others spring from, or that stays (V,), is where it was, and so is its bend.
     """
     if not len(skeleton):
         return skeleton
@@ -179,6 +209,8 @@ def round_bends(skeleton: Skeleton, settings: RefinementSettings = RefinementSet
     inner[skeleton.first] = False
     inner[skeleton.first + skeleton.counts - 1] = False
     inner[skeleton.parent_vertex[skeleton.parent_vertex >= 0]] = False
+    if stays is not None:
+        inner &= ~stays
     at = np.flatnonzero(inner)
     before_m, after_m = (
         skeleton.points_m[at] - skeleton.points_m[at - 1],

@@ -24,6 +24,7 @@ Method = Literal["trace", "grow"]
 METHODS: tuple[Method, ...] = get_args(Method)
 TRACE, GROW = METHODS
 Fill = Literal["auto", "on", "off"]
+_LONGER = 0.01  # of its length, by which a branch that grows on is longer than before
 _LEAVES_OUT = 0.03  # share of the points, from which on what traced branches leave of a cloud is grown into
 MAX_VARIATIONS = 99
 _SPACINGS = 0.7  # of the cloud, that an internode is at least: buds see no points across wider gaps
@@ -131,10 +132,17 @@ def regrow_branches(
         remarks.extend(check_growth(float(grown.reached.mean()), internode_m))
     if request.fill == "on" or (request.fill == "auto" and _leaves_much(traced, plant)):
         rest = _fill_rest(traced, plant, growth, request, seed, progress)
+        before_m = traced.skeleton.lengths_m
+        longer = int((rest.skeleton.lengths_m[: len(before_m)] > (1 + _LONGER) * before_m).sum())
         traced = replace(traced, skeleton=rest.skeleton)
-        if rest.grown:
-            text = f"{rest.grown:,} branches are grown into what those that were traced leave of the cloud"
+        if rest.grown or longer:
+            text = (
+                f"{rest.grown:,} branches are grown into what others leave of the cloud, and {longer:,} grow on into it"
+            )
             remarks.append(remark("rest-grown", _with_shares(rest, text)))
+        elif rest.cycles:
+            text = f"no branch comes to the {100 * (1 - rest.reached.mean()):.1f} % of the points that branches leave"
+            remarks.append(remark("rest-out-of-reach", text))
         else:
             text = "branches leave nothing of the cloud: none is grown into it"
             remarks.append(remark("nothing-left", text))

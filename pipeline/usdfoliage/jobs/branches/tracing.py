@@ -62,7 +62,7 @@ def trace_cloud(
         seconds: What each step took is added.
         progress: Called at each step.
         needs_stems: Where hardly a branch is round trace more coarsely, and refuse what shows no stems then either;
-            not where points are too far apart to show leaves.
+            not where points are too far apart to show leaves, and nobody knows whether there are any.
         find_stems: Where few branches are round, called with the radius in metres of the thickest stem that the cloud
             shows: stems that it finds are taken instead.
 
@@ -74,7 +74,8 @@ def trace_cloud(
     believed, stems = _roundness(found)
     warnings = check_stems(believed, stems, found.traced.internode_m)
     # Of points too far apart to show leaves circles are hardly known, whatever the plant is.
-    if not needs_stems or (find_stems is None and not found.traced.knows_leaves):
+    unknown = settings.leaves == "auto" and not found.traced.knows_leaves
+    if not needs_stems or (find_stems is None and unknown):
         return replace(found, remarks=(*found.remarks, *warnings))
     hardly_round = bool(warnings) or (believed < FEW_ROUND and not found.traced.wood.all())
     known = None

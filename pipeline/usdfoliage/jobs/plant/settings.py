@@ -66,10 +66,11 @@ class BranchStageSettings:
 
     # trace: branches follow the points of the cloud; grow: they grow from the roots through the points.
     method: Method = TRACE
-    # on lets traced branches grow on into what they leave of the cloud, which the schema marks as inferred; auto does
-    # so where a cloud without photographs does not show which of its points are leaves.
+    # on lets branches grow on into what they leave of the cloud; auto does so where branches are traced and leave more
+    # than 3 % of a cloud without photographs that does not show which of its points are leaves.
     fill: Fill = "auto"
-    # auto traces branches where the cloud shows stems or branches; on traces them in any case; off traces none.
+    # auto traces branches where the cloud shows stems or branches, or its points are too far apart to show leaves; on
+    # traces them in any case; off traces none.
     make: MakeBranches = "auto"
     roots: str = "auto"  # Stems leave the ground here: auto, a number of stems, or x,y,z in the capture's coordinates.
     # An internode has this length; auto is 0.005 of the plant's height. Unit: metres. Range: above 0.

@@ -22,7 +22,7 @@ from usdfoliage.crown.model_file import write_crown_model
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.branches.foliage import FoliageRequest
-from usdfoliage.jobs.branches.regrowth import Fill, RegrowthRequest
+from usdfoliage.jobs.branches.regrowth import TRACE, Fill, RegrowthRequest
 from usdfoliage.jobs.branches.run import BranchesRequest, find_branches, report_branches
 from usdfoliage.jobs.branches.tracing import NoStemsError
 from usdfoliage.jobs.crown.capture_input import PlantPoints
@@ -66,7 +66,9 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
     roots, given_roots = read_roots(settings.roots)
     known = known_species(species)
     allometry = AllometrySettings(exponent=known.exponent) if known else AllometrySettings()
-    fill: Fill = "off" if settings.fill == "auto" and call.has(CLOUD) else settings.fill
+    # Of what is known to be leaves nothing is grown, and what grew has come to all that it can.
+    unknown = not call.has(CLOUD) and settings.cloud_leaves == "auto" and settings.method == TRACE
+    fill: Fill = "off" if settings.fill == "auto" and not unknown else settings.fill
     request = BranchesRequest(
         cloud=PlantCloudRequest(
             path=_cloud_of(call),
