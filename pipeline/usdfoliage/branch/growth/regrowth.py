@@ -139,6 +139,7 @@ def fill_rest(
     settings: RegrowthSettings = RegrowthSettings(),
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
+    min_left: float = 0.0,
 ) -> GrownBranches:
     """Let the limbs of a skeleton grow on into what it leaves of a cloud; where it leaves nothing, nothing grows.
 
@@ -150,13 +151,14 @@ def fill_rest(
         settings: How the cloud is thinned.
         seed: Of phyllotaxy, and of which points stay.
         progress: Called with how far it is, 0 to 1.
+        min_left: Share of the points, up to which nothing grows into what is left.
 
     Returns:
         The branches; reached is (N,) of the points.
     """
     seen = near_surface(points_m, skeleton, near_m)
     rest_m = points_m[~seen]
-    if not len(rest_m) or not len(skeleton):
+    if not len(skeleton) or len(rest_m) <= min_left * len(points_m):
         return GrownBranches(skeleton=skeleton, cycles=0, grown=0, shed=0, reached=seen)
     markers_m, weights = choose_markers(rest_m, growth.internode_m, settings, seed)
     grown = grow_branches(skeleton, markers_m, weights, _reaching(growth, points_m), seed, progress)

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from usdfoliage.branch.allometry import AllometrySettings
-from usdfoliage.branch.distances import near_surface
 from usdfoliage.branch.foliage.species import Species
 from usdfoliage.branch.growth.grow import GrownBranches
 from usdfoliage.branch.growth.regrowth import RegrowthSettings, fill_hidden, fill_rest, regrow, vary_growth
@@ -130,7 +129,7 @@ def regrow_branches(
         text = f"branches are grown from the roots through the cloud in {grown.cycles} cycles"
         remarks.append(remark("branches-grown", _with_shares(grown, text)))
         remarks.extend(check_growth(float(grown.reached.mean()), internode_m))
-    if request.fill == "on" or (request.fill == "auto" and _leaves_much(traced, plant)):
+    if request.fill == "on" or (request.fill == "auto" and not traced.knows_leaves):
         rest = _fill_rest(traced, plant, growth, request, seed, progress)
         before_m = traced.skeleton.lengths_m
         longer = int((rest.skeleton.lengths_m[: len(before_m)] > (1 + _LONGER) * before_m).sum())
@@ -143,7 +142,7 @@ def regrow_branches(
         elif rest.cycles:
             text = f"no branch comes to the {100 * (1 - rest.reached.mean()):.1f} % of the points that branches leave"
             remarks.append(remark("rest-out-of-reach", text))
-        else:
+        elif request.fill == "on":
             text = "branches leave nothing of the cloud: none is grown into it"
             remarks.append(remark("nothing-left", text))
     if request.hidden:
@@ -245,14 +244,6 @@ def _regrow(
     )
 
 
-def _leaves_much(traced: TracedBranches, plant: PlantCloud) -> bool:
-    """Whether branches leave more than a little of a cloud of which it is not known what is leaves."""
-    if traced.knows_leaves or not len(plant.points_m):
-        return False
-    near = near_surface(plant.points_m, traced.skeleton, _REACHED_SPACINGS * _spacing_m(traced, plant))
-    return bool(1 - near.mean() > _LEAVES_OUT)
-
-
 def _fill_rest(
     traced: TracedBranches,
     plant: PlantCloud,
@@ -263,7 +254,8 @@ def _fill_rest(
 ) -> GrownBranches:
     own = settings_for_cloud(growth, traced, plant, request.internode_m)
     near_m = _REACHED_SPACINGS * _spacing_m(traced, plant)
-    return fill_rest(traced.skeleton, plant.points_m, near_m, own, request.settings, seed, progress)
+    min_left = _LEAVES_OUT if request.fill == "auto" else 0.0
+    return fill_rest(traced.skeleton, plant.points_m, near_m, own, request.settings, seed, progress, min_left)
 
 
 def _fill(
