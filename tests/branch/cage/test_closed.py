@@ -1,11 +1,14 @@
 """The surface of branches in one piece, within a number of faces."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.branch.axis_places import axis_exits
-from usdfoliage.branch.cage.build import check_cage
+from usdfoliage.branch.cage import join
+from usdfoliage.branch.cage.build import build_branch_cage, check_cage
 from usdfoliage.branch.cage.closed import PlainChoice, build_with_twigs, close_branches, find_afloat
 from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.settings import BranchCageSettings
@@ -162,3 +165,37 @@ def test_the_same_tree_gives_the_same_surface():
     one, two = (close_branches(random_tree(7, 20), max_faces=700) for _ in range(2))
     assert np.array_equal(one.cage.points_m, two.cage.points_m)
     assert np.array_equal(one.cage.faces, two.cage.faces)
+
+
+def test_a_cage_that_knows_the_tries_of_the_former_is_whole_at_once(monkeypatch):
+    built = []
+    whole = join.build_paths
+    monkeypatch.setattr(join, "build_paths", lambda paths, *rest: built.append(len(paths)) or whole(paths, *rest))
+    tree = random_tree(36, 40)
+    first = build_branch_cage(tree)
+    assert first.tries is not None
+    assert first.tries.max() > 0
+    times, built[:] = len(built), []
+    again = build_branch_cage(tree, tried=first.tries)
+    assert len(built) < times
+    assert check_cage(again).clean
+    assert [each.curve for each in again.dropped] == [each.curve for each in first.dropped]
+    assert len(again.faces) == pytest.approx(len(first.faces), rel=0.05)
+
+
+def test_of_what_is_afloat_only_the_branches_that_are_asked_for_are_found():
+    axes = [np.array([[1, 1.0, 0], [1.5, 1.1, 0]]), np.array([[1, 1.3, 0], [1.5, 1.4, 0]])]
+    skeleton = plant_of((TRUNK, 0.05, None, 0), *((np.concatenate([TRUNK[10:11], each]), 0.01, 0, 10) for each in axes))
+    closed = close_branches(plant_of((TRUNK, 0.05, None, 0)))
+    parts = [build_branch_cage(plant_of((each, 0.01, None, 0))) for each in axes]
+    points_m, faces, curve = [closed.cage.points_m], [closed.cage.faces], [closed.cage.curve]
+    for number, part in enumerate(parts, 1):
+        faces.append(part.faces + sum(map(len, points_m)))
+        points_m.append(part.points_m)
+        curve.append(np.full(len(part.faces), number))
+    cage = replace(
+        closed.cage, points_m=np.concatenate(points_m), faces=np.concatenate(faces), curve=np.concatenate(curve)
+    )
+    torn = replace(closed, skeleton=skeleton, cage=cage)
+    assert find_afloat(torn).tolist() == [False, True, True]
+    assert find_afloat(torn, np.array([True, False, True])).tolist() == [False, False, True]

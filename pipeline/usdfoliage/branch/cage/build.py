@@ -5,7 +5,7 @@ vertices round them are joined to the six of the branch. The method is our own.
 """
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,18 +54,28 @@ class BranchCage:
     fork_curve: NDArray[np.int32]  # (J,), branch that leaves there
     dropped: tuple[DroppedBranch, ...]  # by branch
     loose: tuple[int, ...] = ()  # branches that begin a closed piece of their own, inside what they spring from
+    tries: NDArray[np.int64] | None = None  # (B,), of the fork of each branch; none where it is not known
 
 
 def build_branch_cage(
-    skeleton: Skeleton, settings: BranchCageSettings = BranchCageSettings(), marks: RingMarks = NO_MARKS
+    skeleton: Skeleton,
+    settings: BranchCageSettings = BranchCageSettings(),
+    marks: RingMarks = NO_MARKS,
+    tried: NDArray[np.int64] | None = None,
 ) -> BranchCage:
     """Build the cage of all branches, with rings at the marks where there is room.
 
     A branch that ends inside its parent is left out, named in dropped, and what it carries leaves the parent instead.
     What crosses at a fork is tried again with a smaller hole and a longer way out; at last it becomes a closed piece of
     its own that runs into its parent, named in loose, with all that it carries.
+
+    Args:
+        skeleton: B branches; metres.
+        settings: How close the cage keeps to the axes.
+        marks: Where rings are wanted.
+        tried: (B,) the tries of a cage of much the same branches: it takes less time.
     """
-    cage = _build_joined(skeleton, settings, marks)
+    cage = _build_joined(skeleton, settings, marks, tried)
     for number in range(PIECE_ROUNDS):
         lost = np.zeros(len(skeleton), bool)
         lost[[each.curve for each in cage.dropped if each.reason in _AT_FORKS]] = True
@@ -101,15 +111,21 @@ def _with_pieces(cage: BranchCage, other: BranchCage, pieces: LoosePieces, skele
         fork_curve=np.concatenate([cage.fork_curve, pieces.curve[other.fork_curve]]),
         dropped=tuple(DroppedBranch(curve=each, reason=reasons[each]) for each in sorted(reasons)),
         loose=tuple(sorted({*cage.loose, *(saved & roots)})),
+        tries=cage.tries,
     )
 
 
-def _build_joined(skeleton: Skeleton, settings: BranchCageSettings, marks: RingMarks = NO_MARKS) -> BranchCage:
+def _build_joined(
+    skeleton: Skeleton,
+    settings: BranchCageSettings,
+    marks: RingMarks = NO_MARKS,
+    tried: NDArray[np.int64] | None = None,
+) -> BranchCage:
     """The cage of the branches that can be joined."""
-    joined = join_branches(skeleton, settings, marks)
+    joined = join_branches(skeleton, settings, marks, tried)
     if joined.built is None or joined.layout is None:
-        return _empty(joined.dropped)
-    return _finish(joined.built, joined.layout, skeleton, joined.dropped)
+        return replace(_empty(joined.dropped), tries=joined.tries)
+    return replace(_finish(joined.built, joined.layout, skeleton, joined.dropped), tries=joined.tries)
 
 
 def check_cage(cage: BranchCage) -> CageCheck:

@@ -49,6 +49,7 @@ class PlainChoice:
     plain: NDArray[np.bool_]  # (B,)
     gone: NDArray[np.bool_]  # (B,)
     twigs: TwigSettings
+    tried: NDArray[np.int64] | None = None  # (B,), how often forks were tried in a surface of much the same branches
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,12 +84,13 @@ def close_branches(
     if fits:
         cage = build_with_twigs(skeleton, choice, settings, exits)
         fits = max_faces is None or len(cage.faces) <= max_faces
+        choice = replace(choice, tried=cage.tries)
     if not fits and max_faces is not None:
         settings = replace(settings, lean=True)
-        choice, cage = _fit_faces(skeleton, thickness_m, max_faces, settings, exits)
+        choice, cage = _fit_faces(skeleton, thickness_m, max_faces, settings, exits, choice.tried)
     plain_m = float(thickness_m[choice.plain].max(initial=0))
     closed = _leave_out(skeleton, cage, choice, settings)
-    lost, first = find_afloat(closed), closed
+    lost, first = find_afloat(closed, ~closed.plain), closed  # of twigs the rest is drawn otherwise first
     for _ in range(ASTRAY_ROUNDS):
         # As twigs they begin where they come out, or on the axes of their parents.
         astray = find_astray(closed)
@@ -97,15 +99,16 @@ def close_branches(
         if not again.any():
             break
         plain = _with_carried(skeleton, choice.plain | again)
-        choice = replace(choice, plain=plain & ~choice.gone)
+        choice = replace(choice, plain=plain & ~choice.gone, tried=cage.tries)
         cage = build_with_twigs(skeleton, choice, settings, exits)
         closed = _leave_out(skeleton, cage, choice, settings)
-    lost = lost if closed is first else find_afloat(closed)
+    lost = find_afloat(closed)
     for _ in range(AFLOAT_ROUNDS):
         if not lost.any():
             break
-        closed = _without(closed, lost)
-        lost = find_afloat(closed)
+        before = closed
+        closed = _without(before, lost)
+        lost = find_afloat(closed, _beside_lost(before, closed))
     return replace(closed, thickest_plain_m=plain_m)
 
 
@@ -115,6 +118,7 @@ def _fit_faces(
     max_faces: int,
     settings: BranchCageSettings,
     exits: Exits,
+    tried: NDArray[np.int64] | None,
 ) -> tuple[PlainChoice, BranchCage]:
     """Join as many branches as the number of faces allows, the thickest first; the others are twigs.
 
@@ -127,7 +131,7 @@ def _fit_faces(
     left = list(COARSER)
     while left:
         coarser = left.pop(0)
-        choice = PlainChoice(plain=~rooted, gone=none, twigs=TwigSettings(coarser=coarser))
+        choice = PlainChoice(plain=~rooted, gone=none, twigs=TwigSettings(coarser=coarser), tried=tried)
         cage = build_with_twigs(skeleton, choice, settings, exits)
         if len(cage.faces) <= max_faces:
             return _join_thickest(skeleton, thickness_m, max_faces, settings, exits, (choice, cage))
@@ -160,6 +164,7 @@ def _join_thickest(
     may = np.flatnonzero(skeleton.parent_curve >= 0)
     ordered_m = np.sort(thickness_m[may])[::-1]
     best, fewest = fits, len(fits[1].faces)
+    tried = fits[0].tried
     for _ in range(JOINING_ROUNDS):
         wanted = int((max_faces - fewest) * NEARLY / each)
         if fewest >= NEARLY * max_faces or wanted <= 0 or not len(may):
@@ -167,8 +172,9 @@ def _join_thickest(
         # Of branches of one thickness all are twigs or none, so that what a twig carries is one.
         thinnest_m = ordered_m[min(wanted, len(may)) - 1]
         plain = (skeleton.parent_curve >= 0) & (thickness_m < thinnest_m)
-        choice = replace(fits[0], plain=plain)
+        choice = replace(fits[0], plain=plain, tried=tried)
         cage = build_with_twigs(skeleton, choice, settings, exits)
+        tried = cage.tries
         joined = int((~plain[may]).sum())
         if len(cage.faces) <= max_faces:
             if len(cage.faces) > len(best[1].faces):
@@ -205,7 +211,11 @@ def build_with_twigs(skeleton: Skeleton, choice: PlainChoice, settings: BranchCa
     marks = mark_twigs(skeleton, choice.plain, exits)
     on_thick = chosen[marks.branch]
     marks = RingMarks(branch=number[marks.branch[on_thick]], arc_m=marks.arc_m[on_thick])
-    cage = build_branch_cage(skeleton.only(chosen), settings, marks)
+    tried = None if choice.tried is None else choice.tried[thick]
+    cage = build_branch_cage(skeleton.only(chosen), settings, marks, tried)
+    tries = np.zeros(len(skeleton), np.int64) if choice.tried is None else choice.tried.copy()
+    if cage.tries is not None:
+        tries[thick] = cage.tries
     reasons = {int(thick[each.curve]): each.reason for each in cage.dropped}
     reasons |= dict.fromkeys(np.flatnonzero(choice.gone).tolist(), DropReason.TOO_MANY)
     cage = replace(
@@ -214,6 +224,7 @@ def build_with_twigs(skeleton: Skeleton, choice: PlainChoice, settings: BranchCa
         fork_curve=thick[cage.fork_curve].astype(np.int32),
         loose=tuple(thick[list(cage.loose)].tolist()) if cage.loose else (),
         order=skeleton.order[thick[cage.curve]].astype(np.int32),
+        tries=tries,
     )
     if not choice.plain.any():
         return replace(cage, dropped=_sorted(reasons))
@@ -258,11 +269,12 @@ def _carry_exits(exits: Exits, skeleton: Skeleton, pruned: PrunedSkeleton, kept:
     )
 
 
-def find_afloat(closed: ClosedBranches) -> NDArray[np.bool_]:
+def find_afloat(closed: ClosedBranches, among: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
     """(B,) branches whose piece of the surface neither has a root nor runs into another piece.
 
     Of thin branches it is not enough that the two go through each other: points of the one must be near the other, as
-    in any drawing of the two that is not very fine.
+    in any drawing of the two that is not very fine. Where among (B,) is given, pieces are looked at that have a face of
+    one of these.
     """
     skeleton, cage = closed.skeleton, closed.cage
     lost = np.zeros(len(skeleton), bool)
@@ -270,10 +282,13 @@ def find_afloat(closed: ClosedBranches) -> NDArray[np.bool_]:
     of_face = of_point[cage.faces[:, 0]]
     rooted = np.zeros(count, bool)
     rooted[of_face[skeleton.parent_curve[cage.curve] < 0]] = True
-    asked = np.setdiff1d(of_face, np.flatnonzero(rooted))
+    chosen = of_face if among is None else of_face[among[cage.curve]]
+    asked = np.setdiff1d(chosen, np.flatnonzero(rooted))
     if not len(asked):
         return lost
-    near = _faces_near(cage, ~rooted[of_face])
+    wanted = np.zeros(count, bool)
+    wanted[asked] = True
+    near = _faces_near(cage, wanted[of_face])
     used, corners = np.unique(cage.faces[near], return_inverse=True)
     thickest_m = np.zeros(count)
     np.maximum.at(thickest_m, of_face, np.maximum.reduceat(skeleton.radius_m, skeleton.first)[cage.curve])
@@ -288,6 +303,17 @@ def find_afloat(closed: ClosedBranches) -> NDArray[np.bool_]:
     afloat[thin[measure_gaps(points_m, faces, piece, thin, TOUCH_M, through=False) > TOUCH_M]] = True
     lost[cage.curve[afloat[of_face]]] = True
     return lost
+
+
+def _beside_lost(before: ClosedBranches, after: ClosedBranches) -> NDArray[np.bool_]:
+    """(B,) branches of the surface after, with faces near those that it lacks and the one before has."""
+    given = np.flatnonzero(before.number >= 0)
+    number = np.full(len(before.skeleton), -1)
+    number[before.number[given]] = after.number[given]
+    near = number[before.cage.curve[_faces_near(before.cage, number[before.cage.curve] < 0)]]
+    beside = np.zeros(len(after.skeleton), bool)
+    beside[near[near >= 0]] = True
+    return beside
 
 
 def find_astray(closed: ClosedBranches) -> NDArray[np.bool_]:
@@ -344,6 +370,7 @@ def _leave_out(
             curve=curve,
             order=pruned.skeleton.order[curve],
             fork_curve=pruned.number[cage.fork_curve],
+            tries=None if cage.tries is None else cage.tries[stays],
             dropped=(),
             loose=tuple(pruned.number[list(cage.loose)].tolist()) if cage.loose else (),
         ),
@@ -401,6 +428,7 @@ def _without(closed: ClosedBranches, lost: NDArray[np.bool_]) -> ClosedBranches:
                 fork_faces=face_number[cage.fork_faces[forks[of_fork]]].astype(np.int32),
                 fork_counts=cage.fork_counts[forks],
                 fork_curve=number[cage.fork_curve[forks]],
+                tries=None if cage.tries is None else cage.tries[~gone],
                 loose=tuple(int(number[each]) for each in cage.loose if not gone[each]),
             )
         ),

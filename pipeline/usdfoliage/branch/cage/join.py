@@ -30,6 +30,7 @@ class Joined:
     built: Built | None  # none where no branch has a length
     layout: Layout | None
     dropped: dict[int, DropReason]  # branches that are not in it, and why
+    tries: Ints  # (B,), of the fork at which each branch leaves its parent
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,12 +50,21 @@ class _Work:
         return built, find_guilty(built, self.carried_m)
 
 
-def join_branches(skeleton: Skeleton, settings: BranchCageSettings, marks: RingMarks = NO_MARKS) -> Joined:
-    """Build the branches that can be joined, with rings at the marks where there is room."""
+def join_branches(
+    skeleton: Skeleton, settings: BranchCageSettings, marks: RingMarks = NO_MARKS, tried: Ints | None = None
+) -> Joined:
+    """Build the branches that can be joined, with rings at the marks where there is room.
+
+    Args:
+        skeleton: B branches.
+        settings: How close the mesh keeps to the axes.
+        marks: Where rings are wanted.
+        tried: (B,) how often forks were tried in a mesh of much the same branches, so that they need not be again.
+    """
     paths, dropped = find_paths(skeleton)
+    tries = np.zeros(len(skeleton), np.int64) if tried is None else tried.copy()
     if not paths:
-        return Joined(built=None, layout=None, dropped=dropped)
-    tries = np.zeros(len(skeleton), np.int64)
+        return Joined(built=None, layout=None, dropped=dropped, tries=tries)
     work = _Work(
         tries=tries,
         settings=settings,
@@ -75,7 +85,7 @@ def join_branches(skeleton: Skeleton, settings: BranchCageSettings, marks: RingM
     layout = lay_out_faces(built.tubes, built.rings, built.holes, built.places, built.faces, _mean_radii(skeleton))
     for branch in set(built.tubes.piece_branch.tolist()) - set(layout.curve.tolist()):
         dropped.setdefault(branch, DropReason.COVERED)
-    return Joined(built=built, layout=layout, dropped=dropped)
+    return Joined(built=built, layout=layout, dropped=dropped, tries=tries)
 
 
 def _try_around(paths: list[Path], built: Built, guilty: Ints, work: _Work) -> None:

@@ -56,7 +56,8 @@ def _build_up_to(closed: ClosedBranches, order: int) -> BranchCage:
     """The surface of the branches up to an order, twigs where the whole has them."""
     skeleton = closed.skeleton.up_to_order(order)
     plain = closed.plain[closed.skeleton.order <= order]
-    choice = PlainChoice(plain=plain, gone=np.zeros(len(skeleton), bool), twigs=closed.twigs)
+    tried = None if closed.cage.tries is None else closed.cage.tries[closed.skeleton.order <= order]
+    choice = PlainChoice(plain=plain, gone=np.zeros(len(skeleton), bool), twigs=closed.twigs, tried=tried)
     return build_with_twigs(skeleton, choice, closed.settings, axis_exits(skeleton))
 
 
