@@ -586,8 +586,8 @@ SECTIONS: tuple[RemarkSection, ...] = (
                     "be rows of leaves."
                 ),
                 action=(
-                    'Give `branches.roots` where the stems are, or set `branches.make` to `"off"`. `usdfoliage '
-                    "branches` has another method, grow."
+                    'Give `branches.roots` where the stems are, set `branches.method` to `"grow"`, or set '
+                    '`branches.make` to `"off"`.'
                 ),
             ),
             "branches-not-round": RemarkKind(
@@ -600,7 +600,10 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning=(
                     "More than 30 % of the branches are not joined to the surface. The cloud shows few of them clearly."
                 ),
-                action='Set `branches.cloud_leaves` to `"on"` if leaves were taken for wood.',
+                action=(
+                    'Set `branches.cloud_leaves` to `"on"` if leaves were taken for wood, or `branches.method` to '
+                    '`"grow"`.'
+                ),
             ),
             "growth-incomplete": RemarkKind(
                 severity="warning",

@@ -43,6 +43,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
             **_OF_A_CLOUD,
             "branches.internode_m": "--internode",
             "branches.cloud_leaves": "--cloud-leaves",
+            "branches.method": "--method",
             "branches.max_points": "--most-points",
             "branches.max_faces": "--most-faces",
             "foliage.leaf_length_m": "--leaf-length",

@@ -2,6 +2,7 @@
 
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.jobs.branches.warnings import check_growth, check_stems, check_surface
+from usdfoliage.remarks import as_plan_setting
 
 RENDER = render_for("branches")
 
@@ -12,7 +13,8 @@ def test_branches_of_which_many_are_not_joined_are_a_warning():
     (warning,) = check_surface(100, 20, 11)
     assert warning.text.startswith("31 % of the branches are not joined")
     assert "--cloud-leaves on" in warning.sentence(RENDER)
-    assert "method grow" in warning.sentence(RENDER)
+    assert "--method grow" in warning.sentence(RENDER)
+    assert 'branches.method = "grow"' in warning.sentence(as_plan_setting)
 
 
 def test_growth_through_a_part_of_the_cloud_is_a_warning():
@@ -27,6 +29,7 @@ def test_a_cloud_without_stems_is_a_warning():
     (warning,) = check_stems(0.01, 1 / 12, 0.01)  # one in a hedge may look like one
     assert check_stems(0.01, 0.0, 0.01) == [warning]
     assert "no stem is seen at a root" in warning.text
-    assert "an internode of 0.04 m" in warning.sentence(RENDER)
+    assert "--method grow with --internode 0.04 or so" in warning.sentence(RENDER)
+    assert 'branches.method = "grow" with branches.internode_m = 0.04 or so' in warning.sentence(as_plan_setting)
     (warning,) = check_stems(0.0, 1.0, 0.01)
     assert "no stem or branch of the cloud is round" in warning.text

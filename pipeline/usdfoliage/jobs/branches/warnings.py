@@ -9,7 +9,7 @@ _STEMS = 0.25  # share of the roots, from which on their stems are believed: of 
 REACHED = 0.95  # share of the points, to which growth comes at least
 _LONGER = 4  # times the internode, with which growth reaches points farther apart
 
-_GROW = "try the method grow of usdfoliage branches"
+_GROW = Setting(name="branches.method", value='"grow"')
 
 
 def check_stems(believed: float, stems: float, internode_m: float) -> list[Remark]:
@@ -33,7 +33,11 @@ def check_stems(believed: float, stems: float, internode_m: float) -> list[Remar
             remedy=(
                 "give ",
                 Setting(name="branches.roots"),
-                f" where stems are, or {_GROW} with an internode of {_LONGER * internode_m:.2g} m or so",
+                " where stems are, or ",
+                _GROW,
+                " with ",
+                Setting(name="branches.internode_m", value=f"{_LONGER * internode_m:.2g}"),
+                " or so",
             ),
         )
     ]
@@ -57,7 +61,8 @@ def check_surface(branches: int, dropped: int, loose: int) -> list[Remark]:
             remedy=(
                 "give ",
                 Setting(name="branches.cloud_leaves", value='"on"'),
-                f" if leaves were taken for wood, or {_GROW}",
+                " if leaves were taken for wood, or ",
+                _GROW,
             ),
         )
     ]
