@@ -1,4 +1,7 @@
-"""Clouds of branches that are known: points on cylinders, cones, forks and a small tree, and on the ground below."""
+"""Clouds of branches that are known: points on cylinders, cones, forks and a small tree, and on the ground below.
+
+Also of what is no tree: rectangles, as of walls and roofs, and blocks of leaves; Y up.
+"""
 
 import numpy as np
 from usdfoliage.branch.model import Skeleton
@@ -128,3 +131,38 @@ def ground(side_m: float, count: int = 4000, slope=(0.0, 0.0), height_m: float =
     rng = np.random.default_rng(seed)
     x, z = rng.uniform(-side_m / 2, side_m / 2, (2, count))
     return np.column_stack([x, height_m + slope[0] * x + slope[1] * z + rng.normal(0, noise_m, count), z])
+
+
+def rectangle(corner_m, along_m, other_m, per_m2: float, noise_m: float, seed: int) -> np.ndarray:
+    """Points spread evenly over a rectangle between two sides, off it by some noise."""
+    rng = np.random.default_rng(seed)
+    across = np.cross(along_m, other_m).astype(float)
+    area_m2 = np.linalg.norm(across)
+    share = rng.uniform(0, 1, (round(per_m2 * area_m2), 2))
+    off_m = noise_m * rng.normal(size=(len(share), 1)) * across / area_m2
+    return np.asarray(corner_m, float) + share @ np.array([along_m, other_m], float) + off_m
+
+
+def gabled_house(per_m2: float = 40, noise_m: float = 0.02) -> np.ndarray:
+    """Four walls of 5 m, 10 m times 8 m, and a roof that is 3 m higher."""
+    sides = [
+        ((0, 0, 0), (10, 0, 0), (0, 5, 0)),
+        ((0, 0, 8), (10, 0, 0), (0, 5, 0)),
+        ((0, 0, 0), (0, 0, 8), (0, 5, 0)),
+        ((10, 0, 0), (0, 0, 8), (0, 5, 0)),
+        ((0, 5, 0), (10, 0, 0), (0, 3, 4)),
+        ((0, 5, 8), (10, 0, 0), (0, 3, -4)),
+    ]
+    return np.concatenate([rectangle(*side, per_m2, noise_m, seed) for seed, side in enumerate(sides)])
+
+
+def block(size_m, count: int, seed: int = 0, middle_m: float | None = None) -> np.ndarray:
+    """Points in a box from the origin; where middle_m is given most are that near its sides and top."""
+    rng = np.random.default_rng(seed)
+    size_m = np.asarray(size_m, float)
+    points_m = size_m * rng.uniform(0, 1, ((8 if middle_m else 1) * count, 3))
+    if middle_m:
+        inside_m = np.minimum(points_m, size_m - points_m)
+        inside_m[:, 1] = size_m[1] - points_m[:, 1]
+        points_m = points_m[rng.uniform(0, 1, len(points_m)) < np.exp(-inside_m.min(axis=1) / middle_m)]
+    return points_m[:count]

@@ -38,6 +38,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     cloud = parser.add_argument_group("the cloud")
     add_cloud(cloud)
     add_cloud_leaves(cloud)
+    cloud.add_argument(
+        "--any-cloud",
+        action="store_true",
+        help="Trace branches also through a cloud that looks like a building, a wall, bare ground or a hedge. Without "
+        "this option such a cloud is an error, unless --roots names places of stems.",
+    )
     _add_tracing(parser.add_argument_group("branches"))
     _add_species(parser.add_argument_group("species"))
     _add_leaves(parser.add_argument_group("leaves"))

@@ -43,6 +43,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
             **_OF_A_CLOUD,
             "branches.internode_m": "--internode",
             "branches.cloud_leaves": "--cloud-leaves",
+            "branches.make": "--any-cloud",
             "branches.method": "--method",
             "branches.max_points": "--most-points",
             "branches.max_faces": "--most-faces",
@@ -52,7 +53,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "plant.representations": "--representation",
             "seed": "--seed",
         },
-        values={"capture.toml:metres_per_unit": _UNITS},
+        values={"capture.toml:metres_per_unit": _UNITS, "branches.make": {"on": ""}},
         arguments={"species_file": "--species-file"},
     ),
     "crown": CommandOptions(

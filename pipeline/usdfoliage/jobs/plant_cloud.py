@@ -21,6 +21,7 @@ from usdfoliage.capture.cloud_files.up_axis import find_cloud_up
 from usdfoliage.errors import FitError, FoliageError
 from usdfoliage.geometry.point_cells import cell_means, number_cells
 from usdfoliage.geometry.up_turn import axis_vector, turn_to_y_up
+from usdfoliage.jobs.no_plant import check_plant
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import Remark, Remedy, Setting, remark
 
@@ -42,6 +43,7 @@ class PlantCloudRequest:
     max_points: int = 400_000  # that branches are traced through
     internode_m: float | None = None  # None: from the height, as branches are traced
     has_ground: bool = True  # False: it was left out before, and what lies low is of the plant
+    must_be_plant: bool = False  # refuse what is surely none, unless roots are given
 
     def describe(self) -> dict[str, str]:
         """Settings by the names of their options."""
@@ -110,6 +112,7 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
     Raises:
         CaptureError: The cloud cannot be used.
         FitError: Nothing is left without the ground, or a root is given that is nowhere near the plant.
+        NoPlantError: The cloud must be of a plant, and surely is of none.
     """
     source = read_cloud_input(
         request.path,
@@ -165,6 +168,8 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         roots_m = find_roots(points_m, request.roots, ground.ground.plane)
         if request.roots.count is not None and len(roots_m) < request.roots.count:
             remarks.append(remark("roots-missing", f"{len(roots_m)} of {request.roots.count} roots were found"))
+        if request.must_be_plant:
+            check_plant(points_m, roots_m, source.path)
     asset_from_cloud = np.eye(4)
     asset_from_cloud[:3, :3] = turn * source.metres_per_unit
     asset_from_cloud[:3, 3] = -turn @ source.origin_m - roots_m[0]

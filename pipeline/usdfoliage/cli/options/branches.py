@@ -85,6 +85,7 @@ def _read_cloud(options: argparse.Namespace) -> PlantCloudRequest:
         unit=name_option(read_unit, options.unit),
         max_points=options.max_points,
         internode_m=options.internode,
+        must_be_plant=not options.any_cloud,
     )
 
 

@@ -69,8 +69,9 @@ class BranchStageSettings:
     # on lets branches grow on into what they leave of the cloud; auto does so where branches are traced and leave more
     # than 3 % of a cloud without photographs that does not show which of its points are leaves.
     fill: Fill = "auto"
-    # auto traces branches where the cloud shows stems or branches, or its points are too far apart to show leaves; on
-    # traces them in any case; off traces none.
+    # auto traces branches where the cloud shows stems or branches, or its points are too far apart to show leaves, and
+    # refuses a cloud without photographs that looks like a building, a wall, bare ground or a hedge; on traces them in
+    # any case; off traces none.
     make: MakeBranches = "auto"
     roots: str = "auto"  # Stems leave the ground here: auto, a number of stems, or x,y,z in the capture's coordinates.
     # An internode has this length; auto is 0.005 of the plant's height. Unit: metres. Range: above 0.

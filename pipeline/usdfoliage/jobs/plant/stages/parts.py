@@ -33,6 +33,7 @@ from usdfoliage.jobs.leaves.publish import RunFacts
 from usdfoliage.jobs.leaves.request import LeavesRequest
 from usdfoliage.jobs.leaves.run import encode_texture, find_capture_leaves, report_leaves
 from usdfoliage.jobs.leaves.settings import LeavesRunSettings, LeavesSettings
+from usdfoliage.jobs.no_plant import NoPlantError
 from usdfoliage.jobs.plant.call import StageCall, fails_now
 from usdfoliage.jobs.plant.stages.isolate import GIVEN_DEPTH, is_floorless, plant_capture
 from usdfoliage.jobs.plant.stages.models import (
@@ -77,6 +78,8 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             max_points=settings.max_points,
             internode_m=settings.internode_m,
             has_ground=not is_floorless(call),
+            # Of photographs isolation knows what stands beside the plant.
+            must_be_plant=settings.make == "auto" and not call.has(CLOUD),
         ),
         output=call.out,
         name=call.request.name,
@@ -102,6 +105,8 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
     stems_of_photographs = partial(try_photographed_stems, call, failures) if by_photographs else None
     try:
         found = find_branches(request, None, seconds, call.progress, stems_of_photographs)
+    except NoPlantError:
+        raise
     except NoStemsError:
         left_out = remark(
             "branches-left-out",
