@@ -58,7 +58,11 @@ def test_one_wall_is_a_wall_unless_a_plant_stands_before_it():
 
 
 def test_level_ground_alone_is_ground():
-    assert judge(rectangle((0, 0, 0), (10, 0, 0), (0, 0, 10), 100, 0.02, 0)).kind == CloudKind.GROUND
+    ground_m = rectangle((0, 0, 0), (10, 0, 0), (0, 0, 10), 100, 0.02, 0)
+    assert judge(ground_m).kind == CloudKind.GROUND
+    plants_m = np.concatenate([dome((0.6, 1.0, 0.6))[:150] + np.array([x, 0, x]) for x in (2.0, 5.0, 8.0)])
+    shape = judge(np.concatenate([ground_m, plants_m]))
+    assert (shape.kind, shape.on_level > 0.9) == (CloudKind.PLANT, True)
 
 
 @pytest.mark.parametrize("middle_m", [None, 0.1])

@@ -41,7 +41,8 @@ class CloudShapeSettings:
     walls: float = 0.3  # share on walls of any direction
     wall: float = 0.9  # share on planes of one that is alone; before it a plant has the rest
     wall_clutter: float = 0.2  # up to which it is flat: an espalier is not
-    ground: float = 0.9  # share on level planes
+    ground: float = 0.9  # share on level planes,
+    thin: float = 0.03  # of its length, thickness of bare ground: a park seen from the air is thicker
     long: float = 3.0  # of its height and of its width each, length of a hedge
     wide: float = 0.25  # of its height, width of one: an espalier is thinner
     filled: float = 0.78  # share of the pieces of its barest layer that are filled; a crown that lies tapers
@@ -54,8 +55,8 @@ class CloudShapeSettings:
         shares = (self.stems, self.building, self.other_walls, self.walls, self.wall, self.ground, self.filled)
         if not all(0 < share <= 1 for share in shares):
             raise ValueError(f"shares must be above 0 and at most 1, not {self}")
-        if not (self.long > 1 and self.wide > 0 and self.fills > 0 and 0 < self.level < 1):
-            raise ValueError(f"long must be above 1, wide and fills above 0, level in (0, 1), not {self}")
+        if not (self.long > 1 and self.wide > 0 and self.thin > 0 and self.fills > 0 and 0 < self.level < 1):
+            raise ValueError(f"long must be above 1, wide, thin and fills above 0, level in (0, 1), not {self}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +69,7 @@ class CloudShape:
     on_walls: float
     on_other_walls: float  # that face otherwise than the largest of them
     on_level: float
+    thickness: float  # of the whole cloud where it is flattest, of its length
     clutter: float  # thickness of a point's surroundings of their length, usually
     length_m: float  # the larger horizontal one
     width_m: float
@@ -103,6 +105,7 @@ def judge_cloud_shape(
         on_walls=float(share[is_wall].sum()),
         on_other_walls=float(share[other].sum()),
         on_level=float(share[is_level].sum()),
+        thickness=_measure_thickness(points_m),
         clutter=float(np.median(planes.clutter[standing])) if standing.any() else 0.0,
         length_m=length_m,
         width_m=width_m,
@@ -121,13 +124,21 @@ def _choose_kind(shape: CloudShape, settings: CloudShapeSettings) -> CloudKind:
             return CloudKind.BUILDING
         if shape.on_planes >= settings.wall and shape.clutter < settings.wall_clutter:
             return CloudKind.WALL
-    if shape.on_level >= settings.ground:
+    if shape.on_level >= settings.ground and shape.thickness <= settings.thin:
         return CloudKind.GROUND
     is_long = shape.length_m >= settings.long * max(shape.height_m, shape.width_m)
     is_block = shape.filled >= settings.filled and shape.width_m >= settings.wide * shape.height_m
     if is_long and is_block and shape.clutter >= settings.hedge_clutter:
         return CloudKind.HEDGE
     return CloudKind.PLANT
+
+
+def _measure_thickness(points_m: NDArray[np.float64]) -> float:
+    """Thickness of points (N, 3) of their length, both without outliers."""
+    along = np.linalg.eigh(np.cov(points_m.T))[1]
+    low_m, high_m = np.quantile(points_m @ along, [_TAILS, 1 - _TAILS], axis=0)
+    thick_m, _, length_m = (high_m - low_m).tolist()
+    return float(thick_m / length_m) if length_m > 0 else 0.0
 
 
 def _without_floor(
