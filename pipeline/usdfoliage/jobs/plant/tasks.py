@@ -211,14 +211,17 @@ def plan_build(
         isolation = add(ISOLATION, (settings.isolation, given), has_cloud, 5.0 + 0.7 * megapixels_of_all)
         plant = [isolation]
     species = settings.plant.species  # which is written into the asset of every part
+    branch_settings = (settings.seed, settings.branches, species, name, *([] if cloud else source))
+    has_branches = settings.branches.make != "off"
+    if has_branches and not cloud:  # first, since a cloud of no plant ends the build
+        parts.append(add(BRANCHES, branch_settings, plant, 25.0))
     leaves = []  # of photographs, by which stems are distinguished from veins, and which petioles lead to
     if settings.leaves.make:
         leaf_settings = (settings.seed, settings.leaves, species, name, source)
         leaves_s = 5.0 + 3.0 * len(inputs.photographs) * megapixels if cloud else 30.0
         leaves = [add(LEAVES, leaf_settings, plant, leaves_s)]
-    if settings.branches.make != "off":
-        branch_settings = (settings.seed, settings.branches, species, name, *([] if cloud else source))
-        parts.append(add(BRANCHES, branch_settings, [*plant, *(leaves if cloud else [])], 25.0))
+    if has_branches and cloud:
+        parts.append(add(BRANCHES, branch_settings, [*plant, *leaves], 25.0))
     parts += leaves
     if settings.crown.make:
         crown_settings = (settings.seed, settings.crown, species, name, *([] if cloud else source))
