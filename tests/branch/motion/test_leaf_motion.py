@@ -7,11 +7,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from usdfoliage.branch.axis_places import axis_exits, find_places, places_at
 from usdfoliage.branch.cage.build import build_branch_cage
-from usdfoliage.branch.motion.growth_stages import GrownSurface, plan_stages
+from usdfoliage.branch.motion.growth_stages import GrownSurface, carry_points, plan_stages
 from usdfoliage.branch.motion.leaf_motion import UNBORN, UnfoldSettings, carry_leaves, sway_leaves, unfold_leaves
 from usdfoliage.branch.motion.rig import RigSettings, Skin, build_rig, skin_places
 from usdfoliage.branch.motion.skinning import pose_joints, skin_points
-from usdfoliage.branch.motion.surface_places import cage_exits
 
 from tests.support.branch_clouds import small_tree
 from tests.support.branch_motions import leaves_on
@@ -22,7 +21,8 @@ LEAF = np.array([[0.0, 0.0, 0.0, 1.0]])
 
 def carried(plant, curve, arc_m, base_m):
     places = places_at(plant, np.asarray(curve), np.asarray(arc_m, float))
-    return GrownSurface(points_m=np.asarray(base_m, float), places=places, emerges_m=axis_exits(plant).arc_m)
+    exits_m = axis_exits(plant).arc_m
+    return GrownSurface(points_m=np.asarray(base_m, float), places=places, emerges_m=exits_m, clear_m=exits_m)
 
 
 def test_a_leaf_turns_with_the_joint_of_its_twig():
@@ -80,16 +80,16 @@ def test_a_leaf_unfolds_when_its_place_is_there_and_is_whole_at_last():
     arc_m = np.array([0.5, 1.5, 2.0])
     places = places_at(plant, np.zeros(3, int), arc_m)
     shares = np.array([unfold_leaves(stages, stage, places) for stage in range(40)])
-    assert (shares[stages.front_m[:, None] <= arc_m] == UNBORN).all()
+    reach_m = np.array([stages.times.reach(at)[0] for at in stages.at])
+    assert (shares[reach_m[:, None] <= arc_m] == UNBORN).all()
     assert (np.diff(shares, axis=0) >= 0).all()
     assert (shares[-1] == 1).all()
-    born = np.interp(arc_m, stages.front_m, np.arange(40))
-    takes = 0.15 * 39
-    whole = np.arange(40)[:, None] >= born + takes
-    assert (shares[whole] == 1).all()
-    assert (born[:2] + takes < 38).all()  # the last one has less time
-    half = unfold_leaves(stages, 20, places, UnfoldSettings(share=2 * (20 - born[0]) / 39))
-    assert half[0] == pytest.approx(0.5)
+    born = np.interp(arc_m[:2], reach_m, stages.at)
+    whole = stages.at[:, None] >= born + 0.15 + 0.01  # between two frames the front is no line
+    assert (shares[:, :2][whole] == 1).all()
+    assert (np.diff(shares, axis=0) < 1.6 / (0.15 * 39)).all()  # the last one has its time too
+    half = unfold_leaves(stages, 20, places, UnfoldSettings(share=2 * (stages.at[20] - born[0])))
+    assert half[0] == pytest.approx(0.5, abs=0.02)
 
 
 def test_a_leaf_that_is_not_there_yet_waits_on_the_growing_tip():
@@ -98,9 +98,10 @@ def test_a_leaf_that_is_not_there_yet_waits_on_the_growing_tip():
     leaf = carried(plant, [0], [1.5], [[0.02, 1.5, 0]])
     for stage in range(30):
         base_m, share = carry_leaves(stages, stage, leaf)
-        assert base_m[0, 1] == pytest.approx(min(stages.front_m[stage], 1.5))
+        reach_m = stages.times.reach(stages.at[stage])[0]
+        assert base_m[0, 1] == pytest.approx(min(reach_m, 1.5))
         assert 0 < base_m[0, 0] <= 0.02
-        assert (share[0] > UNBORN) == (stages.front_m[stage] > 1.5)
+        assert (share[0] > UNBORN) == (reach_m > 1.5)
     assert np.array_equal(base_m, leaf.points_m)
 
 
@@ -113,7 +114,7 @@ def test_leaves_stay_on_the_bark_of_what_grows(plant):
     base_m = grown.foliage.leaves.base_m
     assert len(base_m)
     assert np.linalg.norm(base_m - axis_m, axis=1) == pytest.approx(radius_m)  # the arc is that of the leaf
-    surface = GrownSurface(points_m=base_m, places=places, emerges_m=cage_exits(build_branch_cage(plant), plant).arc_m)
+    surface = carry_points(build_branch_cage(plant), plant, base_m, places)
     for stage in range(8):
         there_m, share = carry_leaves(stages, stage, surface)
         near = find_places(plant, there_m, places.curve).between(plant.points_m)

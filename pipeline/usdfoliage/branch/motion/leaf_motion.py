@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 class UnfoldSettings:
     """How leaves come."""
 
-    share: float = 0.15  # of all times, that a leaf takes to unfold; what comes late takes what is left
+    share: float = 0.15  # of the time, that a leaf takes to unfold; what comes late takes what is left
 
     def __post_init__(self) -> None:
         if not 0 < self.share <= 1:
@@ -35,10 +35,9 @@ def unfold_leaves(
     stages: GrowthStages, stage: int, places: Places, settings: UnfoldSettings = UnfoldSettings()
 ) -> Array:
     """(N,) length of leaves at places (N,) over that at last: UNBORN before their place is there, 1 at last."""
-    last = len(stages) - 1
-    path_m = stages.path_m[stages.skeleton.first[places.curve]] + places.arc_m
-    born = np.interp(path_m, stages.front_m, np.arange(last + 1.0))  # the last front is beyond all places
-    share = np.clip((stage - born) / np.minimum(settings.share * last, last - born), 0, 1)
+    path_m = stages.times.base_m[places.curve] + places.arc_m
+    born = stages.times.born(places.curve, path_m)
+    share = np.clip((stages.at[stage] - born) / np.minimum(settings.share, 1 - born), 0, 1)
     return np.asarray(np.maximum(share * share * (3 - 2 * share), UNBORN))
 
 

@@ -16,14 +16,14 @@ from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.motion.growth_stages import (
-    GrownSurface,
     GrowthStages,
-    GrowthStageSettings,
+    carry_points,
     carry_surface,
     grow_skeleton,
     grow_surface,
     plan_stages,
 )
+from usdfoliage.branch.motion.growth_times import GrowthStageSettings
 from usdfoliage.branch.motion.leaf_motion import carry_leaves, sway_leaves
 from usdfoliage.branch.motion.rig import RigSettings, build_rig, skin_places
 from usdfoliage.branch.motion.skinning import pose_joints, skin_points
@@ -152,11 +152,8 @@ def grow_branches(
 
 def _grow_leaves(stages: GrowthStages, cage: BranchCage, grown: GrownLeaves) -> LeafMotion:
     leaves, skeleton = grown.foliage.leaves, stages.skeleton
-    carried = GrownSurface(
-        points_m=leaves.base_m,
-        places=places_at(skeleton, grown.places.branch, grown.places.arc_m),
-        emerges_m=cage_exits(cage, skeleton).arc_m,
-    )
+    places = places_at(skeleton, grown.places.branch, grown.places.arc_m)
+    carried = carry_points(cage, skeleton, leaves.base_m, places)
 
     def placed(frame: int) -> Leaves:
         base_m, share = carry_leaves(stages, frame, carried)
