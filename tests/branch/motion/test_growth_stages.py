@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.branch.allometry import AllometrySettings
+from usdfoliage.branch.axis_places import places_at
 from usdfoliage.branch.cage.build import build_branch_cage
 from usdfoliage.branch.motion.growth_stages import (
     carry_surface,
@@ -261,3 +262,34 @@ def test_times_and_lengths_that_cannot_be_are_refused():
         plan_stages(stem(), 0.0, 5)
     with pytest.raises(ValueError, match="2 times"):
         plan_stages(stem(), 0.1, 1)
+
+
+def test_rings_of_a_fork_come_nearer_to_it_while_it_is_thin():
+    trunk = (np.linspace([0, 0, 0], [0, 9, 0], 91), 0.2, None, -1)
+    plant = plant_of(trunk, (np.linspace([0, 1, 0], [2, 1, 0], 21), 0.15, 0, 10))
+    stages = plan_stages(plant, 0.05, 60)
+    surface = carry_surface(build_branch_cage(plant), plant)
+    stage = next(stage for stage in range(60) if stages.times.reach(stages.at[stage])[1] > 1.8)
+    points_m = grow_surface(stages, stage, surface)
+    share = grow_skeleton(stages, stage)[1][10] / plant.radius_m[10]
+    assert share < 0.5
+    on_trunk = (surface.places.curve == 0) & (surface.nearness == 1)
+    assert (surface.fork[on_trunk] == 1).all()
+    apart_m = surface.places.arc_m - surface.fork_arc_m
+    assert np.ptp(apart_m[on_trunk]) > 0.2
+    from_place_m = share_of(stages, stage, surface)[:, None] * (
+        surface.points_m - surface.places.between(plant.points_m)
+    )
+    ring_m = (points_m - from_place_m)[on_trunk, 1]
+    assert ring_m - surface.fork_arc_m[on_trunk] == pytest.approx(share * apart_m[on_trunk], abs=1e-6)
+
+
+def share_of(stages, stage, surface):
+    """(P,) thickness over that at last, where the points of a trunk along y are now."""
+    fork = np.maximum(surface.fork, 0)
+    spring = stages.skeleton.parent_vertex[fork]
+    at_fork = grow_skeleton(stages, stage)[1][spring] / stages.skeleton.radius_m[spring]
+    arc_m = surface.places.arc_m - surface.nearness * (1 - at_fork) * (surface.places.arc_m - surface.fork_arc_m)
+    places = places_at(stages.skeleton, surface.places.curve, arc_m)
+    path_m = stages.times.base_m[places.curve] + arc_m
+    return places.between(stages.thickness(stage)) * stages.birth(stage, places.curve, path_m)

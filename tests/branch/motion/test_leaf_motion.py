@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from usdfoliage.branch.axis_places import axis_exits, find_places, places_at
+from usdfoliage.branch.axis_places import find_places, places_at
 from usdfoliage.branch.cage.build import build_branch_cage
-from usdfoliage.branch.motion.growth_stages import GrownSurface, carry_points, plan_stages
+from usdfoliage.branch.motion.growth_stages import carry_points, plan_stages
 from usdfoliage.branch.motion.leaf_motion import UNBORN, UnfoldSettings, carry_leaves, sway_leaves, unfold_leaves
 from usdfoliage.branch.motion.rig import RigSettings, Skin, build_rig, skin_places
 from usdfoliage.branch.motion.skinning import pose_joints, skin_points
@@ -21,8 +21,7 @@ LEAF = np.array([[0.0, 0.0, 0.0, 1.0]])
 
 def carried(plant, curve, arc_m, base_m):
     places = places_at(plant, np.asarray(curve), np.asarray(arc_m, float))
-    exits_m = axis_exits(plant).arc_m
-    return GrownSurface(points_m=np.asarray(base_m, float), places=places, emerges_m=exits_m, clear_m=exits_m)
+    return carry_points(build_branch_cage(plant), plant, np.asarray(base_m, float), places)
 
 
 def test_a_leaf_turns_with_the_joint_of_its_twig():

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.branch.allometry import carried_lengths, min_carried
-from usdfoliage.branch.axis_places import Places, places_at
+from usdfoliage.branch.axis_places import Exits, Places, places_at
 from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.motion.growth_times import GrowthStageSettings, GrowthTimes, plan_times
@@ -20,6 +20,7 @@ from usdfoliage.branch.motion.surface_places import cage_exits, cage_places
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 
 _SAME = 1e-9  # of the longest way: lengths that differ by rounding
+_FORK = 2.0  # radii of a branch, that the fork of one that leaves it reaches along it
 _UNBORN = 1e-4  # of its radius, that what is not there yet has: USD's widths are above 0
 
 
@@ -130,12 +131,19 @@ def grow_skeleton(stages: GrowthStages, stage: int) -> tuple[NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GrownSurface:
-    """A surface whose points are carried by places on the axes of a skeleton that grows."""
+    """A surface whose points are carried by places on the axes of a skeleton that grows.
+
+    Round a fork its rings stand as far apart as the wood is thick. While that is thin they come as much nearer to the
+    fork: else the faces between them would be spread like sails.
+    """
 
     points_m: NDArray[np.float64]  # (P, 3), at last
     places: Places  # (P,)
     emerges_m: NDArray[np.float64]  # (B,), along each branch, where it comes out of the surface of its parent
     clear_m: NDArray[np.float64]  # (B,), along each branch, its first ring that is out
+    fork: NDArray[np.int32]  # (P,), branch at whose fork a point is, its own or one that leaves it; -1 for none
+    fork_arc_m: NDArray[np.float64]  # (P,), along the branch of the point, where that fork is
+    nearness: NDArray[np.float64]  # (P,), 1 at that fork, 0 far from it
 
 
 def carry_surface(cage: BranchCage, skeleton: Skeleton) -> GrownSurface:
@@ -145,43 +153,91 @@ def carry_surface(cage: BranchCage, skeleton: Skeleton) -> GrownSurface:
 
 def carry_points(cage: BranchCage, skeleton: Skeleton, points_m: NDArray[np.float64], places: Places) -> GrownSurface:
     """Tie points (P, 3) to places (P,) on the axes of the skeleton of a cage, whose forks they go with."""
-    emerges_m = cage_exits(cage, skeleton).arc_m
+    exits = cage_exits(cage, skeleton)
     rings = cage_places(cage, skeleton)
-    out = rings.arc_m > emerges_m[rings.curve]
+    out = rings.arc_m > exits.arc_m[rings.curve]
     clear_m = np.full(len(skeleton), np.inf)
     np.minimum.at(clear_m, rings.curve[out], rings.arc_m[out])
-    clear_m = np.where(np.isfinite(clear_m), clear_m, emerges_m)
-    return GrownSurface(points_m=points_m, places=places, emerges_m=emerges_m, clear_m=clear_m)
+    clear_m = np.where(np.isfinite(clear_m), clear_m, exits.arc_m)
+    child = np.flatnonzero((skeleton.parent_curve >= 0) & np.isin(np.arange(len(skeleton)), cage.curve))
+    holes = child[~np.isin(child, cage.loose)]
+    fork, fork_arc_m, nearness = _near_forks(skeleton, places, child, clear_m[child], exits, holes)
+    return GrownSurface(
+        points_m=points_m,
+        places=places,
+        emerges_m=exits.arc_m,
+        clear_m=clear_m,
+        fork=fork,
+        fork_arc_m=fork_arc_m,
+        nearness=nearness,
+    )
+
+
+def _near_forks(
+    skeleton: Skeleton,
+    places: Places,
+    child: NDArray[np.int64],
+    clear_m: NDArray[np.float64],
+    exits: Exits,
+    holes: NDArray[np.int64],
+) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
+    """The fork next to each place (P,): its branch, where it is along the branch of the place, and how near it is.
+
+    Args:
+        skeleton: Whose axes.
+        places: On them.
+        child: Branches that leave another one; each has a fork where it begins,
+        clear_m: which reaches so far along it.
+        exits: Of all branches.
+        holes: Branches that the surface of another one has a hole for, a fork of that one.
+    """
+    curve = np.concatenate([child, exits.curve[holes]])
+    arc_m = np.concatenate([np.zeros(len(child)), exits.parent_arc_m[holes]])
+    leaves = np.concatenate([child, holes]).astype(np.int32)
+    reach_m = np.concatenate([clear_m, _FORK * skeleton.radius_m[skeleton.parent_vertex[holes]]])
+    fork = np.full(len(places), -1, np.int32)
+    fork_arc_m, nearness = np.zeros(len(places)), np.zeros(len(places))
+    if not len(curve):
+        return fork, fork_arc_m, nearness
+    stride = 2 * float(skeleton.lengths_m.max())  # lays all branches on one line
+    order = np.argsort(curve * stride + arc_m, kind="stable")
+    line_m = (curve * stride + arc_m)[order]
+    place_m = places.curve * stride + places.arc_m
+    after = np.searchsorted(line_m, place_m)
+    for beside in (after - 1, after):
+        at = order[np.clip(beside, 0, len(order) - 1)]
+        away = np.abs(places.arc_m - arc_m[at]) / np.maximum(reach_m[at], 1e-300)
+        near = np.where(curve[at] == places.curve, np.clip(2 - away / (1 + _SAME), 0, 1), 0.0)
+        nearer = near > nearness
+        fork[nearer], fork_arc_m[nearer], nearness[nearer] = leaves[at[nearer]], arc_m[at[nearer]], near[nearer]
+    return fork, fork_arc_m, nearness
 
 
 def grow_surface(stages: GrowthStages, stage: int, surface: GrownSurface) -> NDArray[np.float64]:
     """(P, 3) points at one time: as far from their axis as it is thinner than at last, and never beyond its tip.
 
-    A branch that has not begun ends where it will come out of its parent, which is closed there. What of it lies inside
-    its parent goes inwards as that is thinner than at last.
+    A branch that has not begun ends where it will come out of its parent, which is closed there.
     """
-    skeleton, places = stages.skeleton, surface.places
+    skeleton, curve = stages.skeleton, surface.places.curve
     thickness = stages.thickness(stage)
     at_spring = np.maximum(skeleton.parent_vertex, 0)
     has_parent = skeleton.parent_curve >= 0
     parent_share = thickness[at_spring] * stages.birth(stage, skeleton.curve[at_spring], stages.times.path_m[at_spring])
     parent_share = np.where(has_parent, parent_share, 1.0)
     tips = _find_tips(stages, stage, np.where(has_parent, surface.emerges_m * parent_share, 0.0))
-    inside = places.arc_m < surface.emerges_m[places.curve]
-    arc_m = np.where(inside, parent_share[places.curve], 1.0) * places.arc_m
-    holder = tips.holder[places.curve]
-    there = (holder == places.curve) & (arc_m <= tips.arc_m[places.curve])
-    axis_m = places.between(skeleton.points_m)
-    at_m = axis_m.copy()
+    nearer = surface.nearness * (1 - np.where(surface.fork >= 0, parent_share[surface.fork], 1.0))
+    arc_m = surface.places.arc_m - nearer * (surface.places.arc_m - surface.fork_arc_m)
     goes_in_m = _inwards(skeleton, surface.clear_m, parent_share)
-    moved = inside & ((parent_share[places.curve] < 1) | goes_in_m[places.curve].any(axis=1))
-    at_m[moved] = places_at(skeleton, places.curve[moved], arc_m[moved]).between(skeleton.points_m)
-    at_m[moved] += goes_in_m[places.curve[moved]]
+    inside = (surface.places.arc_m < surface.emerges_m[curve]) & goes_in_m[curve].any(axis=1)
+    places = places_at(skeleton, curve, arc_m)
+    at_m = places.between(skeleton.points_m) + np.where(inside[:, None], goes_in_m[curve], 0.0)
+    holder = tips.holder[curve]
+    there = (holder == curve) & (arc_m <= tips.arc_m[curve])
     tip_m = places_at(skeleton, np.arange(len(skeleton)), tips.arc_m).between(skeleton.points_m)
-    path_m = stages.times.base_m[places.curve] + places.arc_m
-    share = places.between(thickness) * stages.birth(stage, places.curve, path_m)
-    grown_m = np.where(there[:, None], at_m, tip_m[holder]) + share[:, None] * (surface.points_m - axis_m)
-    whole = there & (share == 1) & ~moved
+    share = places.between(thickness) * stages.birth(stage, curve, stages.times.base_m[curve] + arc_m)
+    from_axis_m = surface.points_m - surface.places.between(skeleton.points_m)
+    grown_m = np.where(there[:, None], at_m, tip_m[holder]) + share[:, None] * from_axis_m
+    whole = there & (share == 1) & (nearer == 0) & ~inside
     return np.where(whole[:, None], surface.points_m, grown_m)
 
 

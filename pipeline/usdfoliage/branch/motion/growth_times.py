@@ -31,7 +31,7 @@ class GrowthStageSettings:
     """How branches grow to what they are."""
 
     initial_internodes: float = 2.0  # H_0
-    branch_share: float = 0.08  # of the time, that a branch takes at least from its base to its tip
+    branch_share: float = 0.08  # of the time, that a branch takes or more from its base to its tip
     thicken_share: float = 0.1  # that a place takes until it is as thick as what it carries asks for
     finish_share: float = 0.15  # at the end, when no branch grows longer
     allometry: AllometrySettings = field(default_factory=AllometrySettings)
@@ -120,9 +120,11 @@ def plan_times(skeleton: Skeleton, internode_m: float, settings: GrowthStageSett
     start_m = min(settings.initial_internodes * internode_m, 0.5 * longest_m)
     front = LogisticFront(longest_m=longest_m, start_m=start_m)
     end = (1 - settings.finish_share) * (1 - 1e-6)
-    least = _highest(lambda least: _last(skeleton, front, path_m, _SLOWEST * end, least) <= end, settings.branch_share)
-    pace = _highest(lambda pace: _last(skeleton, front, path_m, pace, least) <= end, end)
-    begins, ends = _ends(skeleton, front, path_m, pace, least)
+    shortest = _highest(
+        lambda shortest: _last(skeleton, front, path_m, _SLOWEST * end, shortest) <= end, settings.branch_share
+    )
+    pace = _highest(lambda time: _last(skeleton, front, path_m, time, shortest) <= end, end)
+    begins, ends = _ends(skeleton, front, path_m, pace, shortest)
     takes = _takes(skeleton, front, path_m)
     return GrowthTimes(
         front=front,
@@ -133,11 +135,11 @@ def plan_times(skeleton: Skeleton, internode_m: float, settings: GrowthStageSett
     )
 
 
-def _highest(fits: Callable[[float], bool], most: float) -> float:
-    """The highest number from 0 to most that fits, of which all lower ones fit."""
-    if fits(most):
-        return most
-    low, high = 0.0, most
+def _highest(fits: Callable[[float], bool], limit: float) -> float:
+    """The highest number from 0 to limit that fits, of which all lower ones fit."""
+    if fits(limit):
+        return limit
+    low, high = 0.0, limit
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if fits(middle) else (low, middle)
@@ -149,15 +151,15 @@ def _takes(skeleton: Skeleton, front: LogisticFront, path_m: Array) -> Array:
     return front.when(path_m[skeleton.first + skeleton.counts - 1]) - front.when(path_m[skeleton.first])
 
 
-def _last(skeleton: Skeleton, front: LogisticFront, path_m: Array, pace: float, least: float) -> float:
+def _last(skeleton: Skeleton, front: LogisticFront, path_m: Array, pace: float, shortest: float) -> float:
     """The time at which the last branch ends."""
-    return float(_ends(skeleton, front, path_m, pace, least)[1].max())
+    return float(_ends(skeleton, front, path_m, pace, shortest)[1].max())
 
 
-def _ends(skeleton: Skeleton, front: LogisticFront, path_m: Array, pace: float, least: float) -> tuple[Array, Array]:
-    """Times (B,) at which branches begin and end, where the front takes pace in all, and a branch least or more."""
+def _ends(skeleton: Skeleton, front: LogisticFront, path_m: Array, pace: float, shortest: float) -> tuple[Array, Array]:
+    """Times (B,) at which branches begin and end, where the front takes pace in all, and a branch shortest or more."""
     takes = _takes(skeleton, front, path_m)
-    lasts = np.maximum(pace * takes, least)
+    lasts = np.maximum(pace * takes, shortest)
     rate = lasts / np.maximum(takes, 1e-300)
     when = front.when(path_m)
     begins = np.zeros(len(skeleton))
