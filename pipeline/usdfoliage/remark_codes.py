@@ -1218,6 +1218,19 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="A sway was asked for, and the plant has no branches whose joints could turn.",
                 action="Set `branches.make` to `on`, or leave out the sway.",
             ),
+            "growth-without-branches": RemarkKind(
+                severity="warning",
+                meaning="Growth was asked for, and the plant has no branches that could grow.",
+                action="Set `branches.make` to `on`, or leave out the growth.",
+            ),
+            "variations-without-branches": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "Variations were asked for, and no branches were traced through a cloud that they could grow "
+                    "through."
+                ),
+                action="Set `branches.make` to `on` and `branches.photographs` to `false`, or ask for no variations.",
+            ),
             "plant-leaves-guessed": RemarkKind(
                 severity="warning",
                 meaning=(

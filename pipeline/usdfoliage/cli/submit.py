@@ -181,6 +181,7 @@ def _parameters(options: argparse.Namespace, name: str, work: Path) -> "list[Job
         ("species", "STRING", "--species", "written into the asset"),
         ("hold_back", "INT", "--hold-back", "of every so many photographs one measures the asset"),
         ("sway", "INT", "--sway", "frames of a loop in which the branches sway"),
+        ("growth", "INT", "--growth", "frames in which the plant grows"),
         ("seed", "INT", "--seed", "of every random choice"),
     ):
         given = getattr(options, field)

@@ -21,6 +21,10 @@ ROUND = "[capture.depth]\nrounds = [{{ level = {}, iterations = {}, coherent = f
         (ROUND.format(1, 0), "iterations must be 1 to 1000, not 0"),
         (ROUND.format(1, 100_000_000), "iterations must be 1 to 1000, not 100000000"),
         ("[pictures]\nturntable_frames = 100_000_000", "turntable_frames must be 2 to 3600, not 100000000"),
+        ("[plant]\ngrowth_frames = 1", "growth_frames must be 0, or 2 to 10000, not 1"),
+        ("[branches]\nvariations = 100", "variations must be 0 to 99, not 100"),
+        ('[branches]\nmake = "off"\nvariations = 1', "variations need branches"),
+        ('[branches]\nmake = "off"\n[plant]\ngrowth_frames = 9', "growth_frames asks for branches"),
         ("[pictures]\nturntable_frames = 1", "turntable_frames must be 2 to 3600, not 1"),
     ],
 )

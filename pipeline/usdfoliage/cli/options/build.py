@@ -28,6 +28,7 @@ def add_plan(parser: argparse._ActionsContainer) -> None:
     parser.add_argument("--species", metavar="NAME", help=describe_setting(PlantSettings(), "species"))
     parser.add_argument("--hold-back", metavar="N", type=int, help=describe_setting(PlantSettings(), "hold_back"))
     parser.add_argument("--sway", metavar="FRAMES", type=int, help=describe_setting(PlantSettings(), "sway_frames"))
+    parser.add_argument("--growth", metavar="FRAMES", type=int, help=describe_setting(PlantSettings(), "growth_frames"))
     parser.add_argument("--seed", metavar="N", type=int, help=describe_setting(SeedSettings(), "seed"))
     parser.add_argument(
         "--profile",
@@ -111,6 +112,7 @@ def read_settings(options: argparse.Namespace) -> "BuildSettings":
         ("species", "--species", options.species),
         ("hold_back", "--hold-back", options.hold_back),
         ("sway_frames", "--sway", options.sway),
+        ("growth_frames", "--growth", options.growth),
     ):
         if given is None:
             continue

@@ -11,7 +11,7 @@ from usdfoliage.asset.parts.branch_part import ALL_ORDERS
 from usdfoliage.asset.parts.branch_rig import BranchRig
 from usdfoliage.asset.parts.leaf_motion import LeafMotion, RiggedLeaves
 from usdfoliage.branch.allometry import AllometrySettings
-from usdfoliage.branch.axis_places import nearest_places, places_at
+from usdfoliage.branch.axis_places import Places, nearest_places, places_at
 from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.model import Skeleton
@@ -125,9 +125,13 @@ def rig_near_leaves(rigged: BranchRig, skeleton: Skeleton, leaves: Leaves, drawn
         leaves: (N,), at least one, at rest.
         drawn: Branches that the surface shows.
     """
-    apart_m = float(np.median(leaves.length_m)) / _SAMPLES_A_LEAF
-    places = nearest_places(skeleton, leaves.base_m, drawn, apart_m)
+    places = _near_places(skeleton, leaves, drawn)
     return rig_leaves(rigged, leaves, places.curve, places.arc_m)
+
+
+def _near_places(skeleton: Skeleton, leaves: Leaves, drawn: NDArray[np.integer]) -> Places:
+    apart_m = float(np.median(leaves.length_m)) / _SAMPLES_A_LEAF
+    return nearest_places(skeleton, leaves.base_m, drawn, apart_m)
 
 
 def grow_branches(
@@ -136,24 +140,62 @@ def grow_branches(
     """The frames of the growth, made as they are gone through; None where it was not asked for."""
     if not motion.growth_frames:
         return None
-    skeleton = traced.skeleton
+    leaves = None if grown is None else grown.foliage.leaves
+    places = None if grown is None else places_at(traced.skeleton, grown.places.branch, grown.places.arc_m)
     exponent = traced.radii.exponent
+    return _grow(traced.skeleton, surfaces, motion, traced.internode_m, exponent, leaves, places)
+
+
+def grow_near_leaves(
+    skeleton: Skeleton,
+    surfaces: BranchSurfaces,
+    motion: BranchMotion,
+    internode_m: float,
+    exponent: float,
+    leaves: Leaves | None,
+) -> BranchGrowth:
+    """The frames of the growth, with leaves that were found: each goes with the branch whose bark is nearest to it.
+
+    Args:
+        skeleton: The branches.
+        surfaces: Theirs.
+        motion: What was asked for, with frames of growth.
+        internode_m: Length of an internode.
+        exponent: Of the allometry.
+        leaves: (N,), at least one, full-grown; None for none.
+    """
+    places = None
+    if leaves is not None:
+        places = _near_places(skeleton, leaves, np.unique(surfaces.whole.curve))
+    return _grow(skeleton, surfaces, motion, internode_m, exponent, leaves, places)
+
+
+def _grow(
+    skeleton: Skeleton,
+    surfaces: BranchSurfaces,
+    motion: BranchMotion,
+    internode_m: float,
+    exponent: float,
+    leaves: Leaves | None,
+    places: Places | None,
+) -> BranchGrowth:
     settings = GrowthStageSettings()
     if 0 < exponent <= 2:
         settings = replace(settings, allometry=AllometrySettings(exponent=exponent))
-    stages = plan_stages(skeleton, traced.internode_m, motion.growth_frames, settings)
+    stages = plan_stages(skeleton, internode_m, motion.growth_frames, settings)
+    moves = None
+    if leaves is not None and places is not None:
+        moves = _grow_leaves(stages, surfaces.whole, leaves, places)
     return BranchGrowth(
         frames=len(stages),
         skeleton=(grow_skeleton(stages, stage) for stage in range(len(stages))),
         surfaces={variant: _grow_surface(stages, cage) for variant, cage in _each_surface(skeleton, surfaces)},
-        leaves=_grow_leaves(stages, surfaces.whole, grown) if grown is not None else None,
+        leaves=moves,
     )
 
 
-def _grow_leaves(stages: GrowthStages, cage: BranchCage, grown: GrownLeaves) -> LeafMotion:
-    leaves, skeleton = grown.foliage.leaves, stages.skeleton
-    places = places_at(skeleton, grown.places.branch, grown.places.arc_m)
-    carried = carry_points(cage, skeleton, leaves.base_m, places)
+def _grow_leaves(stages: GrowthStages, cage: BranchCage, leaves: Leaves, places: Places) -> LeafMotion:
+    carried = carry_points(cage, stages.skeleton, leaves.base_m, places)
 
     def placed(frame: int) -> Leaves:
         base_m, share = carry_leaves(stages, frame, carried)

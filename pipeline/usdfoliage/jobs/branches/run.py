@@ -1,7 +1,7 @@
 """From a cloud on disk to an asset of branches."""
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -204,13 +204,11 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             )
             interface = _write_plant(folder, request.name, found.made, provenance, plant, request.asset)
         variations: list[Path] = []
-        species = request.foliage.species
         with follow_step("variations", seconds, progress) as advance:
-            for varied, seed in vary_branches(found.traced, plant, request.regrowth, species, request.seed):
-                name = f"{request.name}_{len(variations) + 1:02d}"
+            for seed, variation in vary_surfaces(request, found, fitted):
+                name = name_variation(request.name, len(variations) + 1)
                 own = folder / VARIATIONS / name
                 own.mkdir(parents=True)
-                variation = _make_plant(request, varied, plant, fitted, seed, {}, None)
                 variations.append(
                     _write_plant(own, name, variation, replace(provenance, seed=seed), plant, request.asset)
                 )
@@ -261,6 +259,26 @@ def report_branches(
     return write_branches_report(
         folder, interface, report, found.drawn, found.plant.points_m, found.rows, times, progress
     )
+
+
+def name_variation(name: str, number: int) -> str:
+    """The asset of a variation of a plant, from 1 on."""
+    return f"{name}_{number:02d}"
+
+
+def vary_surfaces(
+    request: BranchesRequest, found: FoundBranches, fitted: FittedLeaves | None = None
+) -> Iterator[tuple[int, "PlantModel"]]:
+    """Variations of a plant as they were asked for, with the seed of each.
+
+    Args:
+        request: What was asked for.
+        found: The branches of the plant itself.
+        fitted: As find_branches takes it.
+    """
+    plant, species = found.plant, request.foliage.species
+    for varied, seed in vary_branches(found.traced, plant, request.regrowth, species, request.seed):
+        yield seed, _make_plant(request, varied, plant, fitted, seed, {}, None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

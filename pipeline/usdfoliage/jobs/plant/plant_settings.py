@@ -35,11 +35,16 @@ class PlantSettings:
     sway_frames: int = 0
     # true writes the sway as value clips, which a shot can loop, shift and stretch; false writes time samples.
     sway_clips: bool = False
+    # The growth of the plant is written in this many frames. The variant growth=growing shows it. 0 leaves it out.
+    # Range: 0, or 2 to 10000.
+    growth_frames: int = 0
     version: str = "1"  # The version of the asset is written into its assetInfo.
 
     def __post_init__(self) -> None:
         check_hold_back(self.hold_back)
         if self.sway_frames and not 2 <= self.sway_frames <= MAX_FRAMES:
             raise ValueError(f"sway_frames must be 0, or 2 to {MAX_FRAMES}, not {self.sway_frames}")
+        if self.growth_frames and not 2 <= self.growth_frames <= MAX_FRAMES:
+            raise ValueError(f"growth_frames must be 0, or 2 to {MAX_FRAMES}, not {self.growth_frames}")
         if self.representations is not None:
             check_representations(self.representations)

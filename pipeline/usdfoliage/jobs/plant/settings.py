@@ -6,7 +6,7 @@ from typing import Literal, get_args
 from usdfoliage.errors import FoliageError
 from usdfoliage.isolation.pieces import PieceSettings
 from usdfoliage.jobs.branches.foliage import FoliageRequest
-from usdfoliage.jobs.branches.regrowth import METHODS, TRACE, Fill, Method
+from usdfoliage.jobs.branches.regrowth import MAX_VARIATIONS, METHODS, TRACE, Fill, Method
 from usdfoliage.jobs.capture.settings import CaptureRunSettings
 from usdfoliage.jobs.edits.scatter import LENGTHS_M, MAX_LEAVES
 from usdfoliage.jobs.leaves.settings import LeavesSettings
@@ -85,6 +85,9 @@ class BranchStageSettings:
     # The surface of the branches has this many faces at most; auto is 6 for each point of the cloud, from 30000 to
     # 400000. Range: 1000 or more.
     max_faces: int | None = None
+    # This many further plants grow through the same cloud with slightly different parameters: assets in the folder
+    # variations of the asset. Range: 0 to 99.
+    variations: int = 0
 
     def __post_init__(self) -> None:
         if self.internode_m is not None and not self.internode_m > 0:
@@ -99,6 +102,10 @@ class BranchStageSettings:
             raise ValueError(f"cloud_leaves must be one of {', '.join(get_args(CloudLeaves))}, not {self.cloud_leaves}")
         if self.max_points < 50:
             raise ValueError(f"max_points must be at least 50, not {self.max_points}")
+        if not 0 <= self.variations <= MAX_VARIATIONS:
+            raise ValueError(f"variations must be 0 to {MAX_VARIATIONS}, not {self.variations}")
+        if self.variations and self.make == "off":
+            raise ValueError("variations need branches, and make is off: set make to auto, or variations to 0")
         if self.max_faces is not None and self.max_faces < 1000:
             raise ValueError(f"max_faces must be at least 1000, not {self.max_faces}")
         try:
@@ -206,6 +213,12 @@ class BuildSettings(SeedSettings):
     crown: CrownStageSettings = field(default_factory=CrownStageSettings)
     pictures: PictureStageSettings = field(default_factory=PictureStageSettings)
     tasks: TaskSettings = field(default_factory=TaskSettings)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.plant.growth_frames and self.branches.make == "off":
+            text = "growth_frames asks for branches, and branches.make is off: set that to auto, or growth_frames to 0"
+            raise ValueError(text)
 
 
 def with_seed(settings: BuildSettings, seed: int) -> BuildSettings:

@@ -203,7 +203,76 @@ def test_a_build_sways_with_the_leaves_that_were_found(tmp_path, clips):
     assert [each for each in findings if each.severity == "error"] == []
 
 
-def test_a_sway_without_branches_is_a_warning(tmp_path):
+def test_a_build_grows_with_the_leaves_that_were_found(tmp_path):
+    """A leaf beside the twig waits on the tip of what is there, and unfolds after one at the trunk's foot."""
+    tip_m = fork().points_m[6]
+    found = flat_leaves(np.stack([tip_m + np.array([0.02, 0.01, 0]), [0.06, 0.1, 0]]))
+    settings = BuildSettings()
+    settings = replace(
+        settings,
+        plant=replace(settings.plant, growth_frames=13),
+        foliage=replace(settings.foliage, kind="captured"),
+    )
+    call = fork_call(tmp_path, points_on(found), settings, replace(found, confidence=np.full(2, 0.9)))
+    assemble_asset(call)  # type: ignore[arg-type]
+    stage = Usd.Stage.Open(str(interface_of(call.out / "asset")[0]))
+    leaves = UsdGeom.PointInstancer(stage.GetPrimAtPath("/fork/geo/render/Leaves"))
+    assert leaves.GetScalesAttr().GetNumTimeSamples() == 0  # growth=still
+    stage.GetDefaultPrim().GetVariantSets().SetSelection("growth", "growing")
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (1, 13)
+    scales = np.array([leaves.GetScalesAttr().Get(frame) for frame in range(1, 14)], float)[..., 0]
+    assert scales[-1] == pytest.approx(found.length_m)
+    assert (scales[0] < 0.01 * found.length_m).all()
+    born = (scales > 0.5 * found.length_m).argmax(axis=0)
+    assert born[1] < born[0]  # the foot is first
+    waits_m = np.array(leaves.GetPositionsAttr().Get(1), float)[0]
+    assert waits_m[1] < 0.5 * found.base_m[0, 1]
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/fork/geo/render/Branches"))
+    assert mesh.GetPointsAttr().GetNumTimeSamples() == 13
+    assert mesh.GetFaceVertexIndicesAttr().GetNumTimeSamples() == 0  # points are interpolated between frames
+    findings = validate_asset(call.out / "asset").findings
+    assert [each for each in findings if each.severity == "error"] == []
+
+
+@pytest.mark.parametrize("kind", ["captured", "none"])
+def test_variations_are_assets_beside_the_plant(tmp_path, kind):
+    found = flat_leaves(np.array([[0.06, 0.1, 0], [0.06, 0.3, 0]]))
+    settings = BuildSettings()
+    settings = replace(
+        settings,
+        plant=replace(settings.plant, growth_frames=4),
+        branches=replace(settings.branches, variations=2),
+        foliage=replace(settings.foliage, kind=kind),
+    )
+    call = fork_call(tmp_path, points_on(found), settings, replace(found, confidence=np.full(2, 0.9)))
+    plant = replace(fork(), radius_m=0.1 * fork().radius_m)  # twigs, which carry leaves
+    for number in (1, 2):
+        surfaces = BranchSurfaces(whole=build_branch_cage(plant), by_order=())
+        model = BranchesModel(skeleton=plant, surfaces=surfaces, color=(0.1, 0.1, 0.1))
+        write_branches_model(tmp_path / "branches" / f"variation_{number:02d}.npz", model)
+    assemble_asset(call)  # type: ignore[arg-type]
+    for name in ("fork_01", "fork_02"):
+        own = call.out / "asset" / "variations" / name
+        stage = Usd.Stage.Open(str(own / f"{name}.usda"))
+        root = stage.GetDefaultPrim()
+        assert root.GetName() == name
+        assert root.GetVariantSet("growth").GetVariantNames() == ["growing", "still"]
+        curves = UsdGeom.BasisCurves(stage.GetPrimAtPath(f"/{name}/geo/guide/Skeleton"))
+        assert np.array(curves.GetPointsAttr().Get()) == pytest.approx(plant.points_m, abs=1e-5)
+        assert bool(stage.GetPrimAtPath(f"/{name}/geo/render/Leaves")) == (kind == "captured")
+        assert [each for each in validate_asset(own).findings if each.severity == "error"] == []
+    assert sorted(each.name for each in (call.out / "asset" / "variations").iterdir()) == ["fork_01", "fork_02"]
+
+
+@pytest.mark.parametrize(
+    ("table", "wanted", "code"),
+    [
+        ("plant", {"sway_frames": 6}, "sway-without-branches"),
+        ("plant", {"growth_frames": 6}, "growth-without-branches"),
+        ("branches", {"variations": 1}, "variations-without-branches"),
+    ],
+)
+def test_motion_and_variations_without_branches_are_a_warning(tmp_path, table, wanted, code):
     write_leaves_model(
         tmp_path / "leaves" / "leaves.npz", LeavesModel(leaves=two_leaves(), asset_from_capture=np.eye(4))
     )
@@ -215,7 +284,7 @@ def test_a_sway_without_branches_is_a_warning(tmp_path):
         settings=replace(
             settings,
             pictures=PictureStageSettings(make=False),
-            plant=replace(settings.plant, sway_frames=6),
+            **{table: replace(getattr(settings, table), **wanted)},
         ),
         request=SimpleNamespace(name="fern", capture=Path("fern")),
         result_of=lambda name: tmp_path / name,
@@ -224,7 +293,7 @@ def test_a_sway_without_branches_is_a_warning(tmp_path):
     call.out.mkdir()
     assemble_asset(call)  # type: ignore[arg-type]
     summary = read_summary(call.out)
-    assert [each.severity for each in summary.remarks if each.code == "sway-without-branches"] == ["warning"]
+    assert [each.severity for each in summary.remarks if each.code == code] == ["warning"]
 
 
 @pytest.mark.parametrize(

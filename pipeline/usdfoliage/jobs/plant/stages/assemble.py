@@ -16,19 +16,28 @@ from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_pl
 from usdfoliage.asset.parts.branch_part import PlantBranches
 from usdfoliage.asset.parts.leaf_part import BranchLeaves
 from usdfoliage.asset.provenance import Provenance, combined_sha256, package_versions
+from usdfoliage.branch.foliage.species import GENERIC, load_species
 from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.branch.motion.rig import RigSettings
 from usdfoliage.branch.motion.sway import SwaySettings
+from usdfoliage.branch.tracing.reconstruct import BranchSettings
 from usdfoliage.capture.cloud_files.ply import read_cloud
 from usdfoliage.errors import FitError, PreviewError, PreviewTimeoutError
 from usdfoliage.files.npz import write_arrays
-from usdfoliage.jobs.branches.motion import BranchMotion, rig_branches, rig_near_leaves
+from usdfoliage.jobs.branches.motion import BranchMotion, grow_near_leaves, rig_branches, rig_near_leaves
+from usdfoliage.jobs.branches.run import VARIATIONS, name_variation
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.pages.cards import draw_asset_pictures
 from usdfoliage.jobs.plant.settings import STAGE_SETTINGS, BuildSettings
-from usdfoliage.jobs.plant.stages.foliage import ChosenFoliage, choose_foliage, leaf_cover, near_leaves
+from usdfoliage.jobs.plant.stages.foliage import (
+    ChosenFoliage,
+    choose_foliage,
+    leaf_cover,
+    leaves_on_twigs,
+    near_leaves,
+)
 from usdfoliage.jobs.plant.stages.isolate import plant_capture
 from usdfoliage.jobs.plant.stages.models import (
     CapturedLeaves,
@@ -36,7 +45,9 @@ from usdfoliage.jobs.plant.stages.models import (
     read_crown,
     read_plant_branches,
     read_traced,
+    read_variations,
 )
+from usdfoliage.jobs.plant.stages.parts import known_species
 from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StageSummary, read_summary, write_summary
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, CROWN, LEAVES
@@ -101,6 +112,16 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             remarks.append(remark("sway-without-branches", text))
         else:
             branches = add_sway(branches, chosen.leaves, call.settings)
+    exponent = (known_species(call.settings.plant.species) or load_species(GENERIC)).exponent
+    if call.settings.plant.growth_frames:
+        if branches is None or not len(branches.surfaces.whole.curve):
+            text = "the plant does not grow: it has no branches"
+            remarks.append(remark("growth-without-branches", text))
+        else:
+            branches = add_growth(branches, chosen.leaves, call.settings, exponent)
+    if call.settings.branches.variations and branches is None:
+        text = "the plant has no variations: no branches were traced"
+        remarks.append(remark("variations-without-branches", text))
     if few:
         instead = ", so that the lod crown is shown" if crown is not None else ""
         text = (
@@ -157,6 +178,8 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             ),
             pictures=draw,
         )
+        if branches is not None:
+            _write_variations(call, folder, plant_from_capture, captured, chosen, exponent)
     remarks += undrawn
     facts = AssetFacts(
         leaves=0 if chosen.leaves is None else len(chosen.leaves.leaves),
@@ -194,6 +217,58 @@ def add_sway(branches: PlantBranches, foliage: BranchLeaves | None, settings: Bu
         rig=rig,
         rigged_leaves=None if leaves is None else rig_near_leaves(rig, skeleton, leaves, drawn),
     )
+
+
+def add_growth(
+    branches: PlantBranches, foliage: BranchLeaves | None, settings: BuildSettings, exponent: float
+) -> PlantBranches:
+    """The branches with their growth; leaves come out of the branch whose bark is nearest to their base."""
+    skeleton = branches.skeleton.skeleton
+    height_m = float(np.ptp(skeleton.points_m, axis=0).max())
+    internode_m = branches.skeleton.growth.get("internodeLength", BranchSettings.internode_of_height * height_m)
+    return replace(
+        branches,
+        growth=grow_near_leaves(
+            skeleton,
+            branches.surfaces,
+            BranchMotion(growth_frames=settings.plant.growth_frames),
+            internode_m,
+            exponent,
+            None if foliage is None or not len(foliage.leaves) else foliage.leaves,
+        ),
+    )
+
+
+def _write_variations(
+    call: StageCall,
+    folder: Path,
+    plant_from_capture: NDArray[np.float64],
+    captured: CapturedLeaves | None,
+    chosen: ChosenFoliage,
+    exponent: float,
+) -> None:
+    """Assets of further plants that grew through the same cloud, each with leaves on its twigs."""
+    settings = call.settings
+    for number, branches in enumerate(read_variations(call.result_of(BRANCHES)), 1):
+        seed = settings.seed + number
+        foliage = leaves_on_twigs(branches.skeleton.skeleton, captured, chosen, settings, seed)
+        if settings.plant.sway_frames:
+            branches = add_sway(branches, foliage, settings)
+        if settings.plant.growth_frames:
+            branches = add_growth(branches, foliage, settings, exponent)
+        name = name_variation(call.request.name, number)
+        own = folder / VARIATIONS / name
+        own.mkdir(parents=True)
+        write_plant_asset(
+            own,
+            name,
+            provenance=replace(provenance_of(call), seed=seed),
+            asset_from_capture=plant_from_capture,
+            branches=branches,
+            foliage=foliage,
+            crown=None,
+            settings=PlantAssetSettings(version=settings.plant.version),
+        )
 
 
 def describe_guessed_leaves(chosen: ChosenFoliage) -> str:

@@ -11,6 +11,7 @@ from usdfoliage.asset.leaf_representations import default_representations
 from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAssetSettings
 from usdfoliage.branch.foliage.place import FoliageSettings as GrownSettings
 from usdfoliage.branch.foliage.species import GENERIC, load_species
+from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.errors import FoliageError
 from usdfoliage.isolation.vegetation import MIN_EXCESS, green_excess
@@ -111,15 +112,7 @@ def _choose_of_found(
         fitted = replace(captured.fitted, leaves=placed)
     if kind == "drawn" and fitted is None:
         raise FoliageError("no leaf was found to draw from", "set foliage.kind to species, or auto")
-    species = known_species(settings.plant.species) or load_species(GENERIC)
-    request = FoliageRequest(
-        kind=FITTED if kind == "drawn" else TEMPLATE,
-        species=species,
-        length_m=wanted.leaf_length_m,
-        settings=replace(GrownSettings(), max_leaves=wanted.max_leaves),
-        representations=settings.plant.representations,
-    )
-    grown = grow_leaves(traced.skeleton, request, fitted, settings.seed)
+    grown = grow_leaves(traced.skeleton, _request(settings, drawn=kind == "drawn"), fitted, settings.seed)
     if grown is None:
         raise FoliageError("no leaves were grown")
     if not len(grown.foliage.leaves):
@@ -143,6 +136,42 @@ def _choose_of_found(
         remarks=(*remarks, *grown.remarks),
         rows=grown.mean_leaf_rows,
         kept=found.kept[sure],
+    )
+
+
+def leaves_on_twigs(
+    skeleton: Skeleton, captured: CapturedLeaves | None, chosen: ChosenFoliage, settings: BuildSettings, seed: int
+) -> BranchLeaves | None:
+    """Leaves on the twigs of a variation of the plant, drawn from those that were found, or of the species.
+
+    Args:
+        skeleton: Of the variation.
+        captured: The leaves that were found.
+        chosen: Those of the plant itself; without any the variation has none.
+        settings: Of the build.
+        seed: Of the random choices.
+    """
+    if chosen.leaves is None:
+        return None
+    fitted = None
+    if chosen.kind != "species" and captured is not None and chosen.found is not None and len(chosen.found):
+        fitted = replace(captured.fitted, leaves=chosen.found)
+    grown = grow_leaves(skeleton, _request(settings, drawn=fitted is not None), fitted, seed)
+    if grown is None or not len(grown.foliage.leaves):
+        return None
+    put = grown.foliage.leaves
+    origin = LeafOrigin.OF_SPECIES if fitted is None else LeafOrigin.FILLED_IN
+    return replace(grown.foliage, leaves=replace(put, origin=np.full(len(put), origin, np.int32)))
+
+
+def _request(settings: BuildSettings, *, drawn: bool) -> FoliageRequest:
+    """Leaves on twigs: drawn from those that were found, or of the species."""
+    return FoliageRequest(
+        kind=FITTED if drawn else TEMPLATE,
+        species=known_species(settings.plant.species) or load_species(GENERIC),
+        length_m=settings.foliage.leaf_length_m,
+        settings=replace(GrownSettings(), max_leaves=settings.foliage.max_leaves),
+        representations=settings.plant.representations,
     )
 
 

@@ -18,6 +18,7 @@ from usdfoliage.leaf.shape.edits import NEUTRAL
 
 BRANCHES_MODEL = "branches.npz"  # what is drawn of the branches
 PLANT_POINTS = "plant.npz"  # the cloud as branches were traced through it
+VARIATION_MODEL = "variation_{number:02d}.npz"  # the same of a further plant
 LEAVES_MODEL = "leaves.npz"
 AVERAGE_LEAF = "average_leaf.png"  # where the leaves have one
 CROWN_MODEL = "crown.npz"
@@ -98,6 +99,16 @@ def read_plant_branches(folder: Path) -> PlantBranches | None:
     """
     path = folder / BRANCHES_MODEL
     return drawn_branches(read_branches_model(path)) if path.is_file() else None
+
+
+def read_variations(folder: Path) -> list[PlantBranches]:
+    """What is drawn of the branches of further plants, in the result of the stage of branches.
+
+    Raises:
+        CaptureError: A file cannot be read.
+    """
+    paths = sorted(folder.glob(VARIATION_MODEL.replace("{number:02d}", "*")))
+    return [drawn_branches(read_branches_model(path)) for path in paths]
 
 
 def drawn_branches(model: BranchesModel) -> PlantBranches:

@@ -23,7 +23,7 @@ from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.branches.foliage import FoliageRequest
 from usdfoliage.jobs.branches.regrowth import TRACE, Fill, RegrowthRequest
-from usdfoliage.jobs.branches.run import BranchesRequest, find_branches, report_branches
+from usdfoliage.jobs.branches.run import BranchesRequest, FoundBranches, find_branches, report_branches, vary_surfaces
 from usdfoliage.jobs.branches.tracing import NoStemsError
 from usdfoliage.jobs.crown.capture_input import PlantPoints
 from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest, find_captured_crown, report_crown
@@ -43,6 +43,7 @@ from usdfoliage.jobs.plant.stages.models import (
     LEAVES_MODEL,
     PLANT_POINTS,
     REPORT_FOLDER,
+    VARIATION_MODEL,
     leafy_points,
     read_leaf_frame,
     read_traced,
@@ -88,7 +89,9 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         ),
         species=known.name if known else "",
         foliage=FoliageRequest(species=known) if known else FoliageRequest(),
-        regrowth=RegrowthRequest(method=settings.method, fill=fill, internode_m=settings.internode_m),
+        regrowth=RegrowthRequest(
+            method=settings.method, fill=fill, internode_m=settings.internode_m, variations=settings.variations
+        ),
         max_faces=settings.max_faces,
         seed=call.settings.seed,
         times=False,
@@ -146,7 +149,7 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             unjoined=np.zeros(0, np.int32) if found.stems is None else found.stems.unjoined,
         ),
     )
-    remarks = [*found.remarks, *failures]
+    remarks = [*found.remarks, *failures, *_write_variations(call, request, found)]
     remarks += remark_unknown_species(species)
     summary = StageSummary(
         rows=found.rows,
@@ -156,6 +159,24 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
     )
     write_summary(call.out, summary)
     return ()
+
+
+def _write_variations(call: StageCall, request: BranchesRequest, found: FoundBranches) -> list[Remark]:
+    """Models of further plants that grow through the cloud."""
+    if not request.regrowth.variations:
+        return []
+    if found.stems is not None:
+        text = "the plant has no variations: its stems are lines in photographs, and the cloud does not show them"
+        return [remark("variations-without-branches", text)]
+    for number, (_, made) in enumerate(vary_surfaces(request, found), 1):
+        model = BranchesModel(
+            skeleton=made.traced.skeleton,
+            surfaces=made.surfaces,
+            color=found.bark.color,
+            growth=made.skeleton.growth,
+        )
+        write_branches_model(call.out / VARIATION_MODEL.format(number=number), model)
+    return []
 
 
 def known_species(name: str) -> Species | None:
