@@ -21,6 +21,7 @@ from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.internodes import measure_internode_m
+from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.tracing.free_axes import points_of_branches
 from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches
 from usdfoliage.files.hashing import digest_file
@@ -33,6 +34,7 @@ from usdfoliage.jobs.branches.foliage import (
     read_fitted_leaves,
 )
 from usdfoliage.jobs.branches.known_stems import KnownStems
+from usdfoliage.jobs.branches.likeness import likeness_rows
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_branches, rig_branches, rig_grown_leaves
 from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, regrow_branches, vary_branches
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
@@ -204,15 +206,18 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             )
             interface = _write_plant(folder, request.name, found.made, provenance, plant, request.asset)
         variations: list[Path] = []
+        skeletons: list[Skeleton] = []
         with follow_step("variations", seconds, progress) as advance:
             for seed, variation in vary_surfaces(request, found, fitted):
                 name = name_variation(request.name, len(variations) + 1)
                 own = folder / VARIATIONS / name
                 own.mkdir(parents=True)
+                skeletons.append(variation.traced.skeleton)
                 variations.append(
                     _write_plant(own, name, variation, replace(provenance, seed=seed), plant, request.asset)
                 )
                 advance(len(variations), request.regrowth.variations)
+        found = replace(found, rows=(*found.rows, *likeness_rows(found.drawn.skeleton, skeletons)))
         (folder / "report").mkdir(exist_ok=True)
         drawn = interface if request.preview else None
         written = report_branches(folder / "report", request, found, seconds, drawn, variations, progress)

@@ -22,6 +22,7 @@ from usdfoliage.crown.model_file import write_crown_model
 from usdfoliage.crown.reconstruct import CapturedCrownSettings
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.branches.foliage import FoliageRequest
+from usdfoliage.jobs.branches.likeness import likeness_rows
 from usdfoliage.jobs.branches.regrowth import TRACE, Fill, RegrowthRequest
 from usdfoliage.jobs.branches.run import BranchesRequest, FoundBranches, find_branches, report_branches, vary_surfaces
 from usdfoliage.jobs.branches.tracing import NoStemsError
@@ -53,7 +54,7 @@ from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, ISOLATION, LEAVES
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
-from usdfoliage.jobs.report.table import WrittenReport
+from usdfoliage.jobs.report.table import Row, WrittenReport
 from usdfoliage.jobs.work.settings_file import set_everywhere
 from usdfoliage.leaf.model_file import write_leaves_model
 from usdfoliage.remarks import Remark, Setting, remark
@@ -149,10 +150,11 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
             unjoined=np.zeros(0, np.int32) if found.stems is None else found.stems.unjoined,
         ),
     )
-    remarks = [*found.remarks, *failures, *_write_variations(call, request, found)]
+    likeness, of_variations = _write_variations(call, request, found)
+    remarks = [*found.remarks, *failures, *of_variations]
     remarks += remark_unknown_species(species)
     summary = StageSummary(
-        rows=found.rows,
+        rows=[*found.rows, *likeness],
         remarks=remarks,
         pictures=_pictures_of(written),
         detail=f"{REPORT_FOLDER}/index.html",
@@ -161,13 +163,16 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
     return ()
 
 
-def _write_variations(call: StageCall, request: BranchesRequest, found: FoundBranches) -> list[Remark]:
-    """Models of further plants that grow through the cloud."""
+def _write_variations(
+    call: StageCall, request: BranchesRequest, found: FoundBranches
+) -> tuple[list[Row], list[Remark]]:
+    """Models of further plants that grow through the cloud; how they differ, and what the user should know."""
     if not request.regrowth.variations:
-        return []
+        return [], []
     if found.stems is not None:
         text = "the plant has no variations: its stems are lines in photographs, and the cloud does not show them"
-        return [remark("variations-without-branches", text)]
+        return [], [remark("variations-without-branches", text)]
+    skeletons = []
     for number, (_, made) in enumerate(vary_surfaces(request, found), 1):
         model = BranchesModel(
             skeleton=made.traced.skeleton,
@@ -176,7 +181,8 @@ def _write_variations(call: StageCall, request: BranchesRequest, found: FoundBra
             growth=made.skeleton.growth,
         )
         write_branches_model(call.out / VARIATION_MODEL.format(number=number), model)
-    return []
+        skeletons.append(model.skeleton)
+    return likeness_rows(found.drawn.skeleton, skeletons), []
 
 
 def known_species(name: str) -> Species | None:

@@ -1,0 +1,65 @@
+"""How similar trees are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from usdfoliage.branch.similarity import compare_trees, measure_traits
+from usdfoliage.jobs.branches.likeness import likeness_rows
+
+from tests.support.branch_clouds import small_tree
+from tests.support.branch_shapes import fork, plant_of
+
+
+def test_a_tree_is_as_its_turned_copy():
+    plant = small_tree()
+    turned = replace(plant, points_m=Rotation.from_rotvec([0, 1.1, 0]).apply(plant.points_m))
+    assert compare_trees(measure_traits(plant), measure_traits(plant)).total == 1
+    assert compare_trees(measure_traits(plant), measure_traits(turned)).total == pytest.approx(
+        1, abs=0.005
+    )  # horizontal branches lie between two layers
+
+
+def test_traits_are_those_of_the_tree():
+    traits = measure_traits(fork())  # a trunk of 2 m along y, a branch of 1 m along x from (0, 1, 0), a twig
+    assert traits.height_m == pytest.approx(2)
+    assert traits.numbers[:2].tolist() == [1, 1]
+    assert traits.angles_deg[1] == pytest.approx(90)
+    assert traits.slopes_deg[:2] == pytest.approx([90, 0])
+    assert traits.lengths[0] == pytest.approx(1)
+    assert traits.wood.sum() == pytest.approx(1)
+
+
+def y_tree(angle_deg, length_m, count):
+    trunk_m = np.linspace([0, 0, 0], [0, 4, 0], 41)
+    parts = [(trunk_m, 0.1, None, -1)]
+    for number in range(count):
+        vertex = 20 + number
+        away = Rotation.from_rotvec([0, 2.4 * number, 0]).apply([np.sin(np.radians(angle_deg)), 0, 0])
+        away = away + np.array([0, np.cos(np.radians(angle_deg)), 0])
+        parts.append((np.linspace(trunk_m[vertex], trunk_m[vertex] + length_m * away, 11), 0.02, 0, vertex))
+    return plant_of(*parts)
+
+
+def test_each_difference_is_in_its_term():
+    own = measure_traits(y_tree(60, 1, 8))
+    steeper = compare_trees(own, measure_traits(y_tree(30, 1, 8)))
+    assert own.fork_deg == pytest.approx(60)
+    assert steeper.geometry == pytest.approx(np.mean([1, 1, 1 - 30 / 90, 1, 1 - 30 / 90]))
+    assert steeper.structure == 1
+    fewer = compare_trees(own, measure_traits(y_tree(60, 1, 4)))
+    assert fewer.geometry == pytest.approx(1)
+    assert fewer.structure == pytest.approx(np.mean([1, 0.5, 1 - (8 / 12 - 4 / 8)]))
+    shorter = compare_trees(own, measure_traits(y_tree(60, 0.5, 8)))
+    assert shorter.shape < 0.9
+    assert shorter.geometry < 1
+
+
+def test_likeness_is_reported_in_figures():
+    assert likeness_rows(fork(), []) == []
+    rows = likeness_rows(y_tree(60, 1, 8), [y_tree(60, 1, 8), y_tree(30, 1, 8)])
+    assert rows[0].value.endswith("to the plant, 0.86 to each other")
+    assert rows[0].value.startswith("0.86 to 1.00")
+    assert [row.value for row in rows[1::2]] == ["4.00 m", "30 to 60°"]
+    assert rows[1].remark == "4.00 m of the plant"
