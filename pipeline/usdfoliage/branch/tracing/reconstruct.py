@@ -14,9 +14,10 @@ from usdfoliage.branch.tracing.attachments import settle_attachments
 from usdfoliage.branch.tracing.cloud_graph import CloudGraph, CloudGraphSettings, link_points
 from usdfoliage.branch.tracing.cut_ends import straighten_cut_ends
 from usdfoliage.branch.tracing.gaps import find_beyond_gaps
+from usdfoliage.branch.tracing.meeting_fronts import FrontSettings, join_fronts
 from usdfoliage.branch.tracing.radii import Radii, RadiusSettings
 from usdfoliage.branch.tracing.refinement import RefinementSettings, refine_branches
-from usdfoliage.branch.tracing.sections import SectionTree, cut_sections, find_paths
+from usdfoliage.branch.tracing.sections import SectionTree, cut_sections, find_paths, measure_across
 from usdfoliage.branch.tracing.spurs import absorb_spurs, find_spurs
 from usdfoliage.branch.tracing.traced_axes import as_skeleton, trace_axes
 from usdfoliage.branch.tracing.wood import WoodSettings, caution_with_colors, choose_wood, shows_leaves, wood_odds
@@ -48,6 +49,7 @@ class BranchSettings:
     internode_of_height: float = 0.005  # table 2: 5 cm in a box of 10 m
     graph: CloudGraphSettings = field(default_factory=CloudGraphSettings)
     path_power: float = 2.0  # of a link's length, that it costs
+    across: float = 2.0  # times more that the square of a length counts across the branch that a link is on
     coarse: float = 2.0  # internodes, thickness of a slice in which thick stems are found
     fine: float = 0.21  # internodes, thickness of a slice
     fine_spacings: float = 1.6  # distances to the sixth neighbour, thickness of a slice at most
@@ -62,12 +64,15 @@ class BranchSettings:
     stiffness: float = 4.0
     radii: RadiusSettings = field(default_factory=RadiusSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
+    fronts: FrontSettings = field(default_factory=FrontSettings)
     leaves: CloudLeaves = "auto"
     wood: WoodSettings = field(default_factory=WoodSettings)
 
     def __post_init__(self) -> None:
         if self.internode_m is not None and not (np.isfinite(self.internode_m) and self.internode_m > 0):
             raise ValueError(f"internode_m must be above 0, not {self.internode_m:g}")
+        if not (np.isfinite(self.across) and self.across >= 0):
+            raise ValueError(f"across must not be below 0, not {self.across:g}")
         if not (self.path_power >= 1 and self.coarse > 0 and self.fine > 0 and self.min_length >= 0):
             raise ValueError("path_power must be at least 1, coarse and fine above 0, min_length not below 0")
         if not self.max_gap > 0:
@@ -161,11 +166,16 @@ def reconstruct_branches(
     cut = _without_gaps(cut, settings.max_gap)
     fine_m = cut.fine_m
     window_m = max(2 * fine_m, 1.5 * cut.spacing_m)
-    traced = trace_axes(
-        cut.points_m, cut.sections, settings.min_length * fine_m, window_m, cut.stiffness, settings.radii
+    least_m = settings.min_length * fine_m
+    traced = trace_axes(cut.points_m, cut.sections, least_m, window_m, cut.stiffness, settings.radii)
+    joined = join_fronts(
+        traced.center_m, cut.sections.parent, traced.radii.radius_m, least_m, window_m, settings.fronts
     )
+    if not np.array_equal(joined, cut.sections.parent):
+        cut = replace(cut, sections=replace(cut.sections, parent=joined))
+        traced = trace_axes(cut.points_m, cut.sections, least_m, window_m, cut.stiffness, settings.radii)
     # Again, without what ends inside the stem that it springs from, or runs along its bark: its points are the stem's.
-    min_m = np.full(len(cut.sections), settings.min_length * fine_m)
+    min_m = np.full(len(cut.sections), least_m)
     min_m[traced.axes.nodes] += traced.radii.radius_m[traced.axes.nodes]
     spurs = np.zeros(len(traced.axes), bool)
     spurs[np.diff(traced.axes.first) >= 2] = _spurs(as_skeleton(traced), settings)
@@ -273,7 +283,8 @@ def _cut(
     together_m = np.minimum(_HANGS_TOGETHER * spacing_m, 2 * stem_m)
     thickness_m = np.maximum(np.maximum(together_m, settings.stem_share * stem_m), fine_m)
     thick = stem_m > _HANGS_TOGETHER * spacing_m
-    paths = find_paths(graph.bridged_m, feet, of_root, settings.path_power, thick)
+    across = settings.across * measure_across(points_m, graph.bridged_m)
+    paths = find_paths(graph.bridged_m, feet, of_root, settings.path_power, thick, across)
     return _Cut(
         points_m=points_m,
         sections=cut_sections(points_m, graph.lengths_m, paths, thickness_m),

@@ -1,0 +1,270 @@
+"""Branches that paths reached from both ends: the arm that runs back to its base is turned round. The method is ours.
+
+Where a branch touches another one, paths to its outer part may be shorter along that other one. The branch is then
+reached from its base and from where it touches, and in its middle the two meet: two tips in line with each other. Its
+outer part leaves the other branch, and an arm runs back from there. Where the path turns into that arm is found, the
+arm is cut off there and goes on from the tip that it meets, and what is in line with it goes with it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
+from usdfoliage.branch.tracing.axes import find_axes
+
+_ROUNDS = 3  # one branch may be in the way of another
+
+Point = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrontSettings:
+    """When two tips are taken for the middle of one branch. Windows are those that circles are fitted in."""
+
+    windows: float = 2.0  # length over which it is seen where a path points,
+    radii: float = 3.0  # and at least so many radii
+    reach_windows: float = 2.7  # distance between two tips, at most,
+    reach_radii: float = 2.0  # or so many radii
+    in_line: float = 0.79  # angle between what leads to one tip and from the other, at most; radians
+    sharper: float = 0.61  # angle by which the turn into the arm is sharper than that, at least
+    near: float = (
+        0.1  # angle that such a turn loses for each length over which directions are seen, to it and between tips
+    )
+
+    def __post_init__(self) -> None:
+        if not (self.windows > 0 and self.radii >= 0 and self.reach_windows > 0 and self.reach_radii >= 0):
+            raise ValueError(f"windows and reach_windows must be above 0, radii not below 0, not {self}")
+        if not (0 < self.in_line < np.pi / 2 and 0 < self.sharper < np.pi and self.near >= 0):
+            raise ValueError(f"in_line and sharper must be angles, near not below 0, not {self}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Meeting:
+    gain: float  # angle
+    tip: int  # that goes on into the arm
+    arm: list[int]  # from the tip that it meets to where it is cut off
+    fork: int  # from which it is cut off
+    backwards: Point  # (3,), along the arm to the fork
+
+
+def join_fronts(
+    center_m: NDArray[np.float64],
+    parent: NDArray[np.int32],
+    radius_m: NDArray[np.float64],
+    min_m: NDArray[np.floating] | float,
+    window_m: float,
+    settings: FrontSettings = FrontSettings(),
+) -> NDArray[np.int32]:
+    """(S,) parents of nodes without arms that run back to the base of their branch.
+
+    Args:
+        center_m: (S, 3), of the nodes.
+        parent: (S,), -1 for a root.
+        radius_m: (S,), of the branches there.
+        min_m: Of a node (S,) or all, length that a branch springing there must have.
+        window_m: Along a branch to both sides, of the points that a circle is fitted to.
+        settings: When two tips are of one branch.
+    """
+    for _ in range(_ROUNDS):
+        ways = _follow(center_m, parent, min_m)
+        meetings = _find_meetings(ways, radius_m, window_m, settings)
+        joined = _turn_round(ways, radius_m, window_m, settings, meetings)
+        if np.array_equal(joined, parent):
+            break
+        parent = joined
+    return parent
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Ways:
+    """Nodes on axes, and the ways along them."""
+
+    center_m: NDArray[np.float64]  # (S, 3)
+    parent: NDArray[np.int32]  # (S,)
+    nodes: NDArray[np.int64]  # (N,), on axes
+    tips: NDArray[np.int64]  # (A,), of the axes
+    path_m: NDArray[np.float64]  # (S,), from the root
+    carried_m: NDArray[np.float64]  # (S,), length of the axes beyond each node
+    below_node: list[int]  # (S,), the parents
+    by_parent: tuple[NDArray[np.int64], NDArray[np.int64]]  # of nodes on axes, as RootedTree has them
+
+    def children(self, node: int) -> list[int]:
+        """Those that are on axes."""
+        order, begin = self.by_parent
+        return [int(each) for each in order[begin[node] : begin[node + 1]]]
+
+    def below(self, node: int) -> list[int]:
+        """The node, and all on its way to the root."""
+        found = []
+        while node >= 0:
+            found.append(node)
+            node = self.below_node[node]
+        return found
+
+    def place_below(self, node: int, length_m: float) -> Point:
+        """(3,) so far below a node, or at its root."""
+        way = [node]
+        end_m = self.path_m[node] - length_m
+        while self.below_node[way[-1]] >= 0 and self.path_m[way[-1]] > end_m:
+            way.append(self.below_node[way[-1]])
+        return _place_along(self.center_m, way, length_m)
+
+    def place_above(self, fork: int, child: int, length_m: float) -> Point:
+        """(3,) so far above a fork, on the way that begins with a child and follows what carries most."""
+        at_m = self.center_m[fork]
+        while True:
+            step_m = float(np.linalg.norm(self.center_m[child] - at_m))
+            if step_m >= length_m:
+                return at_m + (self.center_m[child] - at_m) * (length_m / max(step_m, 1e-12))
+            length_m -= step_m
+            at_m = self.center_m[child]
+            above = self.children(child)
+            if not above:
+                return at_m
+            child = max(above, key=lambda node: (self.carried_m[node], -node))
+
+
+def _follow(center_m: NDArray[np.float64], parent: NDArray[np.int32], min_m: NDArray[np.floating] | float) -> _Ways:
+    axes = find_axes(center_m, parent, min_m)
+    on_axis = np.zeros(len(parent), bool)
+    on_axis[axes.nodes] = True
+    step_m = step_lengths(center_m, parent)
+    tree = RootedTree(parent)
+    return _Ways(
+        center_m=center_m,
+        parent=parent,
+        nodes=np.flatnonzero(on_axis),
+        tips=axes.nodes[axes.first[1:] - 1],
+        path_m=tree.sum_below(step_m),
+        carried_m=tree.sum_above(np.where(on_axis, step_m, 0.0)),
+        below_node=parent.tolist(),
+        by_parent=RootedTree(np.where(on_axis, parent, -1).astype(np.int32)).by_parent,
+    )
+
+
+def _find_meetings(
+    ways: _Ways, radius_m: NDArray[np.float64], window_m: float, settings: FrontSettings
+) -> list[_Meeting]:
+    """The best one of each tip, if there is any."""
+    tree = cKDTree(ways.center_m[ways.nodes])
+    along_m = np.maximum(settings.windows * window_m, settings.radii * radius_m)
+    reach_m = np.maximum(settings.reach_windows * window_m, settings.reach_radii * radius_m)
+    behind: dict[int, Point] = {}
+
+    def place_behind(node: int) -> Point:
+        if node not in behind:
+            behind[node] = ways.place_below(node, float(along_m[node]))
+        return behind[node]
+
+    meetings = []
+    around = tree.query_ball_point(ways.center_m[ways.tips], reach_m[ways.tips])
+    for tip, near in zip(ways.tips.tolist(), around, strict=True):
+        best: _Meeting | None = None
+        there: dict[int, int] | None = None
+        for other in ways.nodes[near].tolist():
+            onwards, back = ways.center_m[tip] - place_behind(tip), place_behind(other) - ways.center_m[other]
+            across = place_behind(other) - place_behind(tip)
+            turn = max(_angle(onwards, across), _angle(across, back), _angle(onwards, back))
+            if other == tip or turn > settings.in_line:
+                continue
+            there = {node: k for k, node in enumerate(ways.below(tip))} if there is None else there
+            way = ways.below(other)
+            common = next((node for node in way if node in there), -1)
+            if common < 0 or common in (tip, other):
+                continue
+            lengths_m = ways.path_m[[tip, other]] - ways.path_m[common]
+            if lengths_m.sum() < 4 * reach_m[tip] or lengths_m.min() < 0.7 * along_m[tip]:
+                continue
+            first = list(there)[: there[common]]
+            second = way[: way.index(common)]
+            # Of what is between the two nothing is to be left over.
+            gap_m = float(np.linalg.norm(ways.center_m[tip] - ways.center_m[other]))
+            turn += settings.near * gap_m / along_m[tip]
+            for end, arm in ((tip, second), (other, first)):
+                found = _cut_off(ways, end, arm, turn, along_m, settings)
+                if found is not None and (best is None or found.gain > best.gain):
+                    best = found
+        if best is not None and best.gain > settings.sharper:
+            meetings.append(best)
+    return sorted(meetings, key=lambda meeting: -meeting.gain)
+
+
+def _cut_off(
+    ways: _Ways,
+    tip: int,
+    way: list[int],
+    turn: float,
+    along_m: NDArray[np.float64],
+    settings: FrontSettings,
+) -> _Meeting | None:
+    """The arm at the end of a way, from where the way turns most sharply, not far from its end."""
+    best: _Meeting | None = None
+    length_m = along_m[way[0]]
+    for count in range(1, len(way) + 1):
+        fork = int(ways.parent[way[count - 1]])
+        arc_m = ways.path_m[way[0]] - ways.path_m[fork]
+        if arc_m < 0.5 * length_m and count < len(way):
+            continue
+        ahead_m = _place_along(ways.center_m, [fork, *way[count - 1 :: -1]], length_m)
+        into = ways.center_m[fork] - ways.place_below(fork, float(along_m[fork]))
+        gain = _angle(into, ahead_m - ways.center_m[fork]) - turn - settings.near * arc_m / length_m
+        if best is None or gain > best.gain:
+            best = _Meeting(gain=gain, tip=tip, arm=way[:count], fork=fork, backwards=ways.center_m[fork] - ahead_m)
+        if np.pi - turn - settings.near * arc_m / length_m <= best.gain:
+            break  # no turn is sharper than back
+    return best
+
+
+def _turn_round(
+    ways: _Ways,
+    radius_m: NDArray[np.float64],
+    window_m: float,
+    settings: FrontSettings,
+    meetings: Sequence[_Meeting],
+) -> NDArray[np.int32]:
+    """(S,) parents where arms go on from the tips that they meet; each node changes once."""
+    parent = ways.parent.copy()
+    changed = np.zeros(len(parent), bool)
+
+    def carries(node: int, other: int) -> bool:
+        while other >= 0 and other != node:
+            other = int(parent[other])
+        return other == node
+
+    for meeting in meetings:
+        first = meeting.arm[-1]  # from the fork on
+        touched = [*meeting.arm, meeting.fork, meeting.tip]
+        if changed[touched].any() or carries(first, meeting.tip):
+            continue
+        changed[touched] = True
+        parent[meeting.arm[0]] = meeting.tip
+        parent[meeting.arm[1:]] = meeting.arm[:-1]
+        along_m = max(settings.windows * window_m, settings.radii * float(radius_m[meeting.fork]))
+        into = ways.center_m[meeting.fork] - ways.place_below(meeting.fork, along_m)
+        for child in ways.children(meeting.fork):
+            out = ways.place_above(meeting.fork, child, along_m) - ways.center_m[meeting.fork]
+            goes_with = _angle(meeting.backwards, out) < _angle(into, out)
+            if child != first and goes_with and parent[child] == meeting.fork and not carries(child, meeting.tip):
+                parent[child] = first
+    return parent
+
+
+def _place_along(center_m: NDArray[np.float64], way: list[int], length_m: float) -> Point:
+    """(3,) so far along a way of nodes, or at its end."""
+    for node, following in pairwise(way):
+        step_m = float(np.linalg.norm(center_m[following] - center_m[node]))
+        if step_m >= length_m:
+            return np.asarray(center_m[node] + (center_m[following] - center_m[node]) * (length_m / max(step_m, 1e-12)))
+        length_m -= step_m
+    return np.asarray(center_m[way[-1]])
+
+
+def _angle(one: Point, other: Point) -> float:
+    """Between two directions; of one without a length a right angle."""
+    lengths = float(np.linalg.norm(one)) * float(np.linalg.norm(other))
+    return float(np.arccos(np.clip(one @ other / lengths, -1, 1))) if lengths > 0 else np.pi / 2
