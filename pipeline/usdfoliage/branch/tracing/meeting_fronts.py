@@ -154,24 +154,27 @@ def _find_meetings(
     tree = cKDTree(ways.center_m[ways.nodes])
     along_m = np.maximum(settings.windows * window_m, settings.radii * radius_m)
     reach_m = np.maximum(settings.reach_windows * window_m, settings.reach_radii * radius_m)
-    behind: dict[int, Point] = {}
+    behind_m = np.full(ways.center_m.shape, np.nan)
 
-    def place_behind(node: int) -> Point:
-        if node not in behind:
-            behind[node] = ways.place_below(node, float(along_m[node]))
-        return behind[node]
+    def places_behind(nodes: NDArray[np.int64]) -> NDArray[np.float64]:
+        for node in nodes[np.isnan(behind_m[nodes, 0])].tolist():
+            behind_m[node] = ways.place_below(node, float(along_m[node]))
+        return behind_m[nodes]
 
     meetings = []
     around = tree.query_ball_point(ways.center_m[ways.tips], reach_m[ways.tips])
     for tip, near in zip(ways.tips.tolist(), around, strict=True):
         best: _Meeting | None = None
         there: dict[int, int] | None = None
-        for other in ways.nodes[near].tolist():
-            onwards, back = ways.center_m[tip] - place_behind(tip), place_behind(other) - ways.center_m[other]
-            across = place_behind(other) - place_behind(tip)
-            turn = max(_angle(onwards, across), _angle(across, back), _angle(onwards, back))
-            if other == tip or turn > settings.in_line:
-                continue
+        others = ways.nodes[near]
+        others = others[others != tip]
+        own_m = places_behind(np.array([tip]))[0]
+        onwards = ways.center_m[tip] - own_m
+        back = places_behind(others) - ways.center_m[others]
+        across = behind_m[others] - own_m
+        turns = np.max([_angles(onwards, across), _angles(across, back), _angles(onwards, back)], axis=0)
+        in_line = turns <= settings.in_line
+        for other, turn in zip(others[in_line].tolist(), turns[in_line].tolist(), strict=True):
             there = {node: k for k, node in enumerate(ways.below(tip))} if there is None else there
             way = ways.below(other)
             common = next((node for node in way if node in there), -1)
@@ -184,9 +187,9 @@ def _find_meetings(
             second = way[: way.index(common)]
             # Of what is between the two nothing is to be left over.
             gap_m = float(np.linalg.norm(ways.center_m[tip] - ways.center_m[other]))
-            turn += settings.near * gap_m / along_m[tip]
+            loss = turn + settings.near * gap_m / along_m[tip]
             for end, arm in ((tip, second), (other, first)):
-                found = _cut_off(ways, end, arm, turn, along_m, settings)
+                found = _cut_off(ways, end, arm, loss, along_m, settings)
                 if found is not None and (best is None or found.gain > best.gain):
                     best = found
         if best is not None and best.gain > settings.sharper:
@@ -198,7 +201,7 @@ def _cut_off(
     ways: _Ways,
     tip: int,
     way: list[int],
-    turn: float,
+    loss: float,
     along_m: NDArray[np.float64],
     settings: FrontSettings,
 ) -> _Meeting | None:
@@ -212,10 +215,10 @@ def _cut_off(
             continue
         ahead_m = _place_along(ways.center_m, [fork, *way[count - 1 :: -1]], length_m)
         into = ways.center_m[fork] - ways.place_below(fork, float(along_m[fork]))
-        gain = _angle(into, ahead_m - ways.center_m[fork]) - turn - settings.near * arc_m / length_m
+        gain = _angle(into, ahead_m - ways.center_m[fork]) - loss - settings.near * arc_m / length_m
         if best is None or gain > best.gain:
             best = _Meeting(gain=gain, tip=tip, arm=way[:count], fork=fork, backwards=ways.center_m[fork] - ahead_m)
-        if np.pi - turn - settings.near * arc_m / length_m <= best.gain:
+        if np.pi - loss - settings.near * arc_m / length_m <= best.gain:
             break  # no turn is sharper than back
     return best
 
@@ -266,5 +269,11 @@ def _place_along(center_m: NDArray[np.float64], way: list[int], length_m: float)
 
 def _angle(one: Point, other: Point) -> float:
     """Between two directions; of one without a length a right angle."""
-    lengths = float(np.linalg.norm(one)) * float(np.linalg.norm(other))
-    return float(np.arccos(np.clip(one @ other / lengths, -1, 1))) if lengths > 0 else np.pi / 2
+    return float(_angles(one, other[None])[0])
+
+
+def _angles(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) between directions (N, 3), or one (3,), and others (N, 3); of one without a length a right angle."""
+    lengths = np.linalg.norm(one, axis=-1) * np.linalg.norm(other, axis=-1)
+    cosine = np.divide((one * other).sum(axis=-1), lengths, out=np.zeros(len(other)), where=lengths > 0)
+    return np.asarray(np.arccos(np.clip(cosine, -1, 1)))

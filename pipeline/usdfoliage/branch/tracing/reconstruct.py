@@ -168,12 +168,12 @@ def reconstruct_branches(
     window_m = max(2 * fine_m, 1.5 * cut.spacing_m)
     least_m = settings.min_length * fine_m
     traced = trace_axes(cut.points_m, cut.sections, least_m, window_m, cut.stiffness, settings.radii)
-    joined = join_fronts(
-        traced.center_m, cut.sections.parent, traced.radii.radius_m, least_m, window_m, settings.fronts
-    )
-    if not np.array_equal(joined, cut.sections.parent):
-        cut = replace(cut, sections=replace(cut.sections, parent=joined))
-        traced = trace_axes(cut.points_m, cut.sections, least_m, window_m, cut.stiffness, settings.radii)
+    if not _is_sparse(internode_m, spacing_m, settings):
+        parent, radius_m = cut.sections.parent, traced.radii.radius_m
+        joined = join_fronts(traced.center_m, parent, radius_m, least_m, window_m, settings.fronts)
+        if not np.array_equal(joined, parent):
+            cut = replace(cut, sections=replace(cut.sections, parent=joined))
+            traced = trace_axes(cut.points_m, cut.sections, least_m, window_m, cut.stiffness, settings.radii)
     # Again, without what ends inside the stem that it springs from, or runs along its bark: its points are the stem's.
     min_m = np.full(len(cut.sections), least_m)
     min_m[traced.axes.nodes] += traced.radii.radius_m[traced.axes.nodes]
@@ -277,13 +277,15 @@ def _cut(
     feet, of_root = _find_feet(points_m, roots_m, spacing_m)
     stem_m, noise_m = _find_stems(points_m, graph, (feet, of_root), internode_m, spacing_m, settings)
     fine_m = _slice_thickness(internode_m, spacing_m, noise_m, settings, all_wood)
-    few_points = all_wood and _is_sparse(internode_m, spacing_m, settings)
     # A slice of a branch whose surface is seen hangs together where it is thicker than its points are apart; one that
     # is thinner than that is a line of points.
     together_m = np.minimum(_HANGS_TOGETHER * spacing_m, 2 * stem_m)
     thickness_m = np.maximum(np.maximum(together_m, settings.stem_share * stem_m), fine_m)
     thick = stem_m > _HANGS_TOGETHER * spacing_m
-    across = settings.across * measure_across(points_m, graph.bridged_m)
+    # Where points are far apart, those around one are of several twigs.
+    sparse = _is_sparse(internode_m, spacing_m, settings)
+    few_points = all_wood and sparse
+    across = 0.0 if sparse else settings.across * measure_across(points_m, graph.bridged_m)
     paths = find_paths(graph.bridged_m, feet, of_root, settings.path_power, thick, across)
     return _Cut(
         points_m=points_m,

@@ -68,12 +68,11 @@ def find_paths(
         across: At each link, as lengths_m stores them, or at all: so much more a square of its length counts.
     """
     median_m = float(np.median(lengths_m.data))
-    counted = lengths_m.data / median_m * np.sqrt(1 + across)
-    cost = np.power(counted, power)
+    cost = np.power(lengths_m.data / median_m * np.sqrt(1 + across), power)
     if straight is not None:
         links = lengths_m.tocoo()
         plain = straight[links.row] & straight[links.col]
-        cost[plain] = _STEM * counted[plain]
+        cost[plain] = _STEM * lengths_m.data[plain] / median_m
     _, before, source = dijkstra(
         csr_array((cost, lengths_m.indices, lengths_m.indptr), shape=lengths_m.shape),
         directed=False,
