@@ -6,7 +6,7 @@ outer part leaves the other branch, and an arm runs back from there. Where the p
 arm is cut off there and goes on from the tip that it meets, and what is in line with it goes with it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 from usdfoliage.branch.tracing.axes import find_axes
 
+_ASKED = 4  # nearest nodes in line with a tip
 _ROUNDS = 3  # one branch may be in the way of another
 
 Point = NDArray[np.float64]
@@ -173,8 +174,11 @@ def _find_meetings(
         back = places_behind(others) - ways.center_m[others]
         across = behind_m[others] - own_m
         turns = np.max([_angles(onwards, across), _angles(across, back), _angles(onwards, back)], axis=0)
-        in_line = turns <= settings.in_line
-        for other, turn in zip(others[in_line].tolist(), turns[in_line].tolist(), strict=True):
+        gaps_m = np.linalg.norm(ways.center_m[others] - ways.center_m[tip], axis=1)
+        nearest = np.argsort(gaps_m, kind="stable")
+        asked = 0
+        for index in nearest[turns[nearest] <= settings.in_line].tolist():
+            other = int(others[index])
             there = {node: k for k, node in enumerate(ways.below(tip))} if there is None else there
             way = ways.below(other)
             common = next((node for node in way if node in there), -1)
@@ -186,12 +190,14 @@ def _find_meetings(
             first = list(there)[: there[common]]
             second = way[: way.index(common)]
             # Of what is between the two nothing is to be left over.
-            gap_m = float(np.linalg.norm(ways.center_m[tip] - ways.center_m[other]))
-            loss = turn + settings.near * gap_m / along_m[tip]
+            loss = float(turns[index] + settings.near * gaps_m[index] / along_m[tip])
             for end, arm in ((tip, second), (other, first)):
-                found = _cut_off(ways, end, arm, loss, along_m, settings)
+                found = _cut_off(ways, end, arm, loss, along_m, places_behind, settings)
                 if found is not None and (best is None or found.gain > best.gain):
                     best = found
+            asked += 1
+            if asked == _ASKED:
+                break
         if best is not None and best.gain > settings.sharper:
             meetings.append(best)
     return sorted(meetings, key=lambda meeting: -meeting.gain)
@@ -203,6 +209,7 @@ def _cut_off(
     way: list[int],
     loss: float,
     along_m: NDArray[np.float64],
+    places_behind: Callable[[NDArray[np.int64]], NDArray[np.float64]],
     settings: FrontSettings,
 ) -> _Meeting | None:
     """The arm at the end of a way, from where the way turns most sharply, not far from its end."""
@@ -214,7 +221,7 @@ def _cut_off(
         if arc_m < 0.5 * length_m and count < len(way):
             continue
         ahead_m = _place_along(ways.center_m, [fork, *way[count - 1 :: -1]], length_m)
-        into = ways.center_m[fork] - ways.place_below(fork, float(along_m[fork]))
+        into = ways.center_m[fork] - places_behind(np.array([fork]))[0]
         gain = _angle(into, ahead_m - ways.center_m[fork]) - loss - settings.near * arc_m / length_m
         if best is None or gain > best.gain:
             best = _Meeting(gain=gain, tip=tip, arm=way[:count], fork=fork, backwards=ways.center_m[fork] - ahead_m)

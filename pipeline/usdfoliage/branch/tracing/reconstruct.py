@@ -49,7 +49,7 @@ class BranchSettings:
     internode_of_height: float = 0.005  # table 2: 5 cm in a box of 10 m
     graph: CloudGraphSettings = field(default_factory=CloudGraphSettings)
     path_power: float = 2.0  # of a link's length, that it costs
-    across: float = 2.0  # times more that the square of a length counts across the branch that a link is on
+    across: float = 3.0  # times more that the square of a length counts across the branch that a link is on
     coarse: float = 2.0  # internodes, thickness of a slice in which thick stems are found
     fine: float = 0.21  # internodes, thickness of a slice
     fine_spacings: float = 1.6  # distances to the sixth neighbour, thickness of a slice at most
@@ -168,7 +168,7 @@ def reconstruct_branches(
     window_m = max(2 * fine_m, 1.5 * cut.spacing_m)
     least_m = settings.min_length * fine_m
     traced = trace_axes(cut.points_m, cut.sections, least_m, window_m, cut.stiffness, settings.radii)
-    if not _is_sparse(internode_m, spacing_m, settings):
+    if _shows_twigs(internode_m, cut.spacing_m, settings):
         parent, radius_m = cut.sections.parent, traced.radii.radius_m
         joined = join_fronts(traced.center_m, parent, radius_m, least_m, window_m, settings.fronts)
         if not np.array_equal(joined, parent):
@@ -282,10 +282,10 @@ def _cut(
     together_m = np.minimum(_HANGS_TOGETHER * spacing_m, 2 * stem_m)
     thickness_m = np.maximum(np.maximum(together_m, settings.stem_share * stem_m), fine_m)
     thick = stem_m > _HANGS_TOGETHER * spacing_m
-    # Where points are far apart, those around one are of several twigs.
     sparse = _is_sparse(internode_m, spacing_m, settings)
     few_points = all_wood and sparse
-    across = 0.0 if sparse else settings.across * measure_across(points_m, graph.bridged_m)
+    follows = _shows_twigs(internode_m, spacing_m, settings)
+    across = settings.across * measure_across(points_m, graph.bridged_m) if follows else 0.0
     paths = find_paths(graph.bridged_m, feet, of_root, settings.path_power, thick, across)
     return _Cut(
         points_m=points_m,
@@ -361,6 +361,11 @@ def _find_feet(
 
 def _is_sparse(internode_m: float, spacing_m: float, settings: BranchSettings) -> bool:
     return spacing_m > settings.sparse * internode_m
+
+
+def _shows_twigs(internode_m: float, spacing_m: float, settings: BranchSettings) -> bool:
+    """Whether the points around one are of one twig; where they are far apart they are of several."""
+    return shows_leaves(spacing_m, settings.wood) and not _is_sparse(internode_m, spacing_m, settings)
 
 
 def _slice_thickness(
