@@ -44,13 +44,13 @@ def test_a_branch_that_was_reached_from_both_ends_is_one_again():
     nodes, parents, branch = crossing(backwards=True)
     assert parents[branch[-1]] != parents[branch[0]]
     found = joined(nodes, parents)
-    way = [branch[-1]]
-    while found[way[-1]] >= 0:
-        way.append(int(found[way[-1]]))
-    on_branch = [node for node in way if node in branch]
+    path = [branch[-1]]
+    while found[path[-1]] >= 0:
+        path.append(int(found[path[-1]]))
+    on_branch = [node for node in path if node in branch]
     assert np.isin(branch, on_branch).mean() > 0.97  # the node at which both touch may be on the other one
-    assert nodes[way][:, 1].min() == 0
-    level = nodes[way][nodes[way][:, 0] > 0.05]
+    assert nodes[path][:, 1].min() == 0
+    level = nodes[path][nodes[path][:, 0] > 0.05]
     assert np.abs(level[:, 1] - 1).max() < 0.03  # it never goes down to the other one
     assert (found < 0).sum() == 1
 

@@ -14,7 +14,7 @@ class LocalDirections:
     """Of the points around each point."""
 
     direction: NDArray[np.float64]  # (N, 3), unit, of their largest spread
-    in_line: NDArray[np.float64]  # (N,), 0 where they spread to two sides alike, 1 where they lie in a line
+    in_line: NDArray[np.float64]  # (N,), 0 where they spread to two sides equally, 1 where they lie in a line
 
 
 def local_directions(points_m: NDArray[np.float64]) -> LocalDirections:

@@ -18,7 +18,7 @@ from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 from usdfoliage.branch.tracing.axes import find_axes
 
 _ASKED = 4  # nearest nodes in line with a tip
-_ROUNDS = 3  # one branch may be in the way of another
+_ROUNDS = 3  # where one arm is turned round, another may be found
 
 Point = NDArray[np.float64]
 
@@ -72,9 +72,9 @@ def join_fronts(
         settings: When two tips are of one branch.
     """
     for _ in range(_ROUNDS):
-        ways = _follow(center_m, parent, min_m)
-        meetings = _find_meetings(ways, radius_m, window_m, settings)
-        joined = _turn_round(ways, radius_m, window_m, settings, meetings)
+        axes_tree = _follow(center_m, parent, min_m)
+        meetings = _find_meetings(axes_tree, radius_m, window_m, settings)
+        joined = _turn_round(axes_tree, radius_m, window_m, settings, meetings)
         if np.array_equal(joined, parent):
             break
         parent = joined
@@ -82,8 +82,8 @@ def join_fronts(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Ways:
-    """Nodes on axes, and the ways along them."""
+class _Tree:
+    """Nodes on axes, and the paths along them."""
 
     center_m: NDArray[np.float64]  # (S, 3)
     parent: NDArray[np.int32]  # (S,)
@@ -100,7 +100,7 @@ class _Ways:
         return [int(each) for each in order[begin[node] : begin[node + 1]]]
 
     def below(self, node: int) -> list[int]:
-        """The node, and all on its way to the root."""
+        """The node, and all on its path to the root."""
         found = []
         while node >= 0:
             found.append(node)
@@ -109,14 +109,14 @@ class _Ways:
 
     def place_below(self, node: int, length_m: float) -> Point:
         """(3,) so far below a node, or at its root."""
-        way = [node]
+        path = [node]
         end_m = self.path_m[node] - length_m
-        while self.below_node[way[-1]] >= 0 and self.path_m[way[-1]] > end_m:
-            way.append(self.below_node[way[-1]])
-        return _place_along(self.center_m, way, length_m)
+        while self.below_node[path[-1]] >= 0 and self.path_m[path[-1]] > end_m:
+            path.append(self.below_node[path[-1]])
+        return _place_along(self.center_m, path, length_m)
 
     def place_above(self, fork: int, child: int, length_m: float) -> Point:
-        """(3,) so far above a fork, on the way that begins with a child and follows what carries most."""
+        """(3,) so far above a fork, on the path that begins with a child and follows what carries most."""
         at_m = self.center_m[fork]
         while True:
             step_m = float(np.linalg.norm(self.center_m[child] - at_m))
@@ -130,13 +130,13 @@ class _Ways:
             child = max(above, key=lambda node: (self.carried_m[node], -node))
 
 
-def _follow(center_m: NDArray[np.float64], parent: NDArray[np.int32], min_m: NDArray[np.floating] | float) -> _Ways:
+def _follow(center_m: NDArray[np.float64], parent: NDArray[np.int32], min_m: NDArray[np.floating] | float) -> _Tree:
     axes = find_axes(center_m, parent, min_m)
     on_axis = np.zeros(len(parent), bool)
     on_axis[axes.nodes] = True
     step_m = step_lengths(center_m, parent)
     tree = RootedTree(parent)
-    return _Ways(
+    return _Tree(
         center_m=center_m,
         parent=parent,
         nodes=np.flatnonzero(on_axis),
@@ -149,50 +149,50 @@ def _follow(center_m: NDArray[np.float64], parent: NDArray[np.int32], min_m: NDA
 
 
 def _find_meetings(
-    ways: _Ways, radius_m: NDArray[np.float64], window_m: float, settings: FrontSettings
+    axes_tree: _Tree, radius_m: NDArray[np.float64], window_m: float, settings: FrontSettings
 ) -> list[_Meeting]:
     """The best one of each tip, if there is any."""
-    tree = cKDTree(ways.center_m[ways.nodes])
+    tree = cKDTree(axes_tree.center_m[axes_tree.nodes])
     along_m = np.maximum(settings.windows * window_m, settings.radii * radius_m)
     reach_m = np.maximum(settings.reach_windows * window_m, settings.reach_radii * radius_m)
-    behind_m = np.full(ways.center_m.shape, np.nan)
+    behind_m = np.full(axes_tree.center_m.shape, np.nan)
 
     def places_behind(nodes: NDArray[np.int64]) -> NDArray[np.float64]:
         for node in nodes[np.isnan(behind_m[nodes, 0])].tolist():
-            behind_m[node] = ways.place_below(node, float(along_m[node]))
+            behind_m[node] = axes_tree.place_below(node, float(along_m[node]))
         return behind_m[nodes]
 
     meetings = []
-    around = tree.query_ball_point(ways.center_m[ways.tips], reach_m[ways.tips])
-    for tip, near in zip(ways.tips.tolist(), around, strict=True):
+    around = tree.query_ball_point(axes_tree.center_m[axes_tree.tips], reach_m[axes_tree.tips])
+    for tip, near in zip(axes_tree.tips.tolist(), around, strict=True):
         best: _Meeting | None = None
         there: dict[int, int] | None = None
-        others = ways.nodes[near]
+        others = axes_tree.nodes[near]
         others = others[others != tip]
         own_m = places_behind(np.array([tip]))[0]
-        onwards = ways.center_m[tip] - own_m
-        back = places_behind(others) - ways.center_m[others]
+        onwards = axes_tree.center_m[tip] - own_m
+        back = places_behind(others) - axes_tree.center_m[others]
         across = behind_m[others] - own_m
         turns = np.max([_angles(onwards, across), _angles(across, back), _angles(onwards, back)], axis=0)
-        gaps_m = np.linalg.norm(ways.center_m[others] - ways.center_m[tip], axis=1)
+        gaps_m = np.linalg.norm(axes_tree.center_m[others] - axes_tree.center_m[tip], axis=1)
         nearest = np.argsort(gaps_m, kind="stable")
         asked = 0
         for index in nearest[turns[nearest] <= settings.in_line].tolist():
             other = int(others[index])
-            there = {node: k for k, node in enumerate(ways.below(tip))} if there is None else there
-            way = ways.below(other)
-            common = next((node for node in way if node in there), -1)
+            there = {node: k for k, node in enumerate(axes_tree.below(tip))} if there is None else there
+            path = axes_tree.below(other)
+            common = next((node for node in path if node in there), -1)
             if common < 0 or common in (tip, other):
                 continue
-            lengths_m = ways.path_m[[tip, other]] - ways.path_m[common]
+            lengths_m = axes_tree.path_m[[tip, other]] - axes_tree.path_m[common]
             if lengths_m.sum() < 4 * reach_m[tip] or lengths_m.min() < 0.7 * along_m[tip]:
                 continue
             first = list(there)[: there[common]]
-            second = way[: way.index(common)]
+            second = path[: path.index(common)]
             # Of what is between the two nothing is to be left over.
             loss = float(turns[index] + settings.near * gaps_m[index] / along_m[tip])
             for end, arm in ((tip, second), (other, first)):
-                found = _cut_off(ways, end, arm, loss, along_m, places_behind, settings)
+                found = _cut_off(axes_tree, end, arm, loss, along_m, places_behind, settings)
                 if found is not None and (best is None or found.gain > best.gain):
                     best = found
             asked += 1
@@ -204,41 +204,43 @@ def _find_meetings(
 
 
 def _cut_off(
-    ways: _Ways,
+    axes_tree: _Tree,
     tip: int,
-    way: list[int],
+    path: list[int],
     loss: float,
     along_m: NDArray[np.float64],
     places_behind: Callable[[NDArray[np.int64]], NDArray[np.float64]],
     settings: FrontSettings,
 ) -> _Meeting | None:
-    """The arm at the end of a way, from where the way turns most sharply, not far from its end."""
+    """The arm at the end of a path, from where the path turns most sharply, not far from its end."""
     best: _Meeting | None = None
-    length_m = along_m[way[0]]
-    for count in range(1, len(way) + 1):
-        fork = int(ways.parent[way[count - 1]])
-        arc_m = ways.path_m[way[0]] - ways.path_m[fork]
-        if arc_m < 0.5 * length_m and count < len(way):
+    length_m = along_m[path[0]]
+    for count in range(1, len(path) + 1):
+        fork = int(axes_tree.parent[path[count - 1]])
+        arc_m = axes_tree.path_m[path[0]] - axes_tree.path_m[fork]
+        if arc_m < 0.5 * length_m and count < len(path):
             continue
-        ahead_m = _place_along(ways.center_m, [fork, *way[count - 1 :: -1]], length_m)
-        into = ways.center_m[fork] - places_behind(np.array([fork]))[0]
-        gain = _angle(into, ahead_m - ways.center_m[fork]) - loss - settings.near * arc_m / length_m
+        ahead_m = _place_along(axes_tree.center_m, [fork, *path[count - 1 :: -1]], length_m)
+        into = axes_tree.center_m[fork] - places_behind(np.array([fork]))[0]
+        gain = _angle(into, ahead_m - axes_tree.center_m[fork]) - loss - settings.near * arc_m / length_m
         if best is None or gain > best.gain:
-            best = _Meeting(gain=gain, tip=tip, arm=way[:count], fork=fork, backwards=ways.center_m[fork] - ahead_m)
+            best = _Meeting(
+                gain=gain, tip=tip, arm=path[:count], fork=fork, backwards=axes_tree.center_m[fork] - ahead_m
+            )
         if np.pi - loss - settings.near * arc_m / length_m <= best.gain:
             break  # no turn is sharper than back
     return best
 
 
 def _turn_round(
-    ways: _Ways,
+    axes_tree: _Tree,
     radius_m: NDArray[np.float64],
     window_m: float,
     settings: FrontSettings,
     meetings: Sequence[_Meeting],
 ) -> NDArray[np.int32]:
     """(S,) parents where arms go on from the tips that they meet; each node changes once."""
-    parent = ways.parent.copy()
+    parent = axes_tree.parent.copy()
     changed = np.zeros(len(parent), bool)
 
     def carries(node: int, other: int) -> bool:
@@ -255,23 +257,23 @@ def _turn_round(
         parent[meeting.arm[0]] = meeting.tip
         parent[meeting.arm[1:]] = meeting.arm[:-1]
         along_m = max(settings.windows * window_m, settings.radii * float(radius_m[meeting.fork]))
-        into = ways.center_m[meeting.fork] - ways.place_below(meeting.fork, along_m)
-        for child in ways.children(meeting.fork):
-            out = ways.place_above(meeting.fork, child, along_m) - ways.center_m[meeting.fork]
+        into = axes_tree.center_m[meeting.fork] - axes_tree.place_below(meeting.fork, along_m)
+        for child in axes_tree.children(meeting.fork):
+            out = axes_tree.place_above(meeting.fork, child, along_m) - axes_tree.center_m[meeting.fork]
             goes_with = _angle(meeting.backwards, out) < _angle(into, out)
             if child != first and goes_with and parent[child] == meeting.fork and not carries(child, meeting.tip):
                 parent[child] = first
     return parent
 
 
-def _place_along(center_m: NDArray[np.float64], way: list[int], length_m: float) -> Point:
-    """(3,) so far along a way of nodes, or at its end."""
-    for node, following in pairwise(way):
+def _place_along(center_m: NDArray[np.float64], path: list[int], length_m: float) -> Point:
+    """(3,) so far along a path of nodes, or at its end."""
+    for node, following in pairwise(path):
         step_m = float(np.linalg.norm(center_m[following] - center_m[node]))
         if step_m >= length_m:
             return np.asarray(center_m[node] + (center_m[following] - center_m[node]) * (length_m / max(step_m, 1e-12)))
         length_m -= step_m
-    return np.asarray(center_m[way[-1]])
+    return np.asarray(center_m[path[-1]])
 
 
 def _angle(one: Point, other: Point) -> float:

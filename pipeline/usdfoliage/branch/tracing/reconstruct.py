@@ -166,16 +166,16 @@ def reconstruct_branches(
     cut = _without_gaps(cut, settings.max_gap)
     fine_m = cut.fine_m
     window_m = max(2 * fine_m, 1.5 * cut.spacing_m)
-    least_m = settings.min_length * fine_m
-    traced = trace_axes(cut.points_m, cut.sections, least_m, window_m, cut.stiffness, settings.radii)
+    shortest_m = settings.min_length * fine_m
+    traced = trace_axes(cut.points_m, cut.sections, shortest_m, window_m, cut.stiffness, settings.radii)
     if _shows_twigs(internode_m, cut.spacing_m, settings):
         parent, radius_m = cut.sections.parent, traced.radii.radius_m
-        joined = join_fronts(traced.center_m, parent, radius_m, least_m, window_m, settings.fronts)
+        joined = join_fronts(traced.center_m, parent, radius_m, shortest_m, window_m, settings.fronts)
         if not np.array_equal(joined, parent):
             cut = replace(cut, sections=replace(cut.sections, parent=joined))
-            traced = trace_axes(cut.points_m, cut.sections, least_m, window_m, cut.stiffness, settings.radii)
+            traced = trace_axes(cut.points_m, cut.sections, shortest_m, window_m, cut.stiffness, settings.radii)
     # Again, without what ends inside the stem that it springs from, or runs along its bark: its points are the stem's.
-    min_m = np.full(len(cut.sections), least_m)
+    min_m = np.full(len(cut.sections), shortest_m)
     min_m[traced.axes.nodes] += traced.radii.radius_m[traced.axes.nodes]
     spurs = np.zeros(len(traced.axes), bool)
     spurs[np.diff(traced.axes.first) >= 2] = _spurs(as_skeleton(traced), settings)
