@@ -44,7 +44,8 @@ def test_branches_come_back_with_all_their_surfaces(tmp_path):
     assert_same_skeleton(found.skeleton, skeleton)
     assert [order for order, _ in found.surfaces.by_order] == [1]
     for one, other in ((found.surfaces.whole, whole), (found.surfaces.by_order[0][1], coarse)):
-        for field in fields(BranchCage):
+        assert one.tries is None  # of use while surfaces are built alone
+        for field in (each for each in fields(BranchCage) if each.name != "tries"):
             loaded, wanted = getattr(one, field.name), getattr(other, field.name)
             assert np.array_equal(loaded, wanted) if isinstance(wanted, np.ndarray) else loaded == wanted, field.name
     assert found.surfaces.coarsest is found.surfaces.by_order[0][1]

@@ -63,3 +63,21 @@ def test_likeness_is_reported_in_figures():
     assert rows[0].value.startswith("0.86 to 1.00")
     assert [row.value for row in rows[1::2]] == ["4.00 m", "30 to 60°"]
     assert rows[1].remark == "4.00 m of the plant"
+
+
+def test_a_plant_that_hangs_or_lies_has_traits_too():
+    for end_m in ([0, -2, 0], [2, 0, 0]):
+        stem = plant_of((np.linspace([0, 0, 0], end_m, 21), 0.05, None, -1))
+        traits = measure_traits(stem)
+        assert 0 < traits.height_m <= 2
+        assert compare_trees(traits, traits).total == 1
+
+
+def test_no_fork_angle_is_reported_where_there_is_no_fork():
+    stem = plant_of((np.linspace([0, 0, 0], [0, 2, 0], 21), 0.05, None, -1))
+    names = [row.name for row in likeness_rows(stem, [stem, stem])]
+    assert "height of variations" in names
+    assert "mean fork angle of variations" not in names
+    rows = likeness_rows(fork(), [fork(), stem])
+    assert "nan" not in "".join(f"{row.value}{row.remark}" for row in rows)
+    assert "mean fork angle of variations" in [row.name for row in rows]

@@ -15,6 +15,7 @@ from usdfoliage.branch.axis_places import places_at
 from usdfoliage.branch.distances import place_on_axes
 from usdfoliage.branch.model import Skeleton
 
+_LOW = 0.1  # of its largest extent, that a plant is high at least, for what is compared by its height
 _SHORT = 0.02  # of the height, below which branches are left out; directions are taken over as much
 _LAYERS = 10  # of the height, whose radii are compared
 _ORDERS = 3  # beyond the trunk, that are compared
@@ -55,7 +56,9 @@ class TreeSimilarity:
 def measure_traits(skeleton: Skeleton) -> TreeTraits:
     """What is compared of a tree, metres, Y up."""
     foot_m = float(skeleton.points_m[skeleton.first[skeleton.parent_curve < 0], 1].min())
-    height_m = max(float(skeleton.points_m[:, 1].max()) - foot_m, 1e-9)
+    extent_m = np.ptp(skeleton.points_m, axis=0)
+    # A plant may hang from its root, or lie.
+    height_m = max(float(extent_m[1]), _LOW * float(extent_m.max()), 1e-6)
     places_m = place_on_axes(skeleton, _SHORT * height_m / 2).points_m
     from_middle_m = np.linalg.norm((places_m - places_m.mean(axis=0))[:, [0, 2]], axis=1)
     layer = np.clip(((places_m[:, 1] - foot_m) / height_m * _LAYERS).astype(np.int64), 0, _LAYERS - 1)

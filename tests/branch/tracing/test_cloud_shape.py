@@ -50,6 +50,18 @@ def test_a_house_is_a_building(make):
     assert shape.on_other_walls > 0.15
 
 
+def test_a_plant_of_flat_upright_leaves_is_no_building():
+    sides = [(0.4, 0, 0), (0, 0, 0.4)] * 2
+    feet = [(0, 0, 0), (0.6, 0, 0.3), (1.2, 0, 0), (0, 0, 0.8)]
+    leaves = [
+        rectangle(foot, side, (0, 1.2, 0), 8000, 0.001, k)
+        for k, (foot, side) in enumerate(zip(feet, sides, strict=True))
+    ]
+    shape = judge(np.concatenate(leaves))
+    assert shape.on_walls > 0.8
+    assert shape.kind == CloudKind.PLANT
+
+
 def test_one_wall_is_a_wall_unless_a_plant_stands_before_it():
     wall_m = rectangle((-5, 0, -2), (10, 0, 0), (0, 5, 0), 200, 0.02, 0)
     assert judge(wall_m).kind == CloudKind.WALL

@@ -54,7 +54,7 @@ class BranchCage:
     fork_curve: NDArray[np.int32]  # (J,), branch that leaves there
     dropped: tuple[DroppedBranch, ...]  # by branch
     loose: tuple[int, ...] = ()  # branches that begin a closed piece of their own, inside what they spring from
-    tries: NDArray[np.int64] | None = None  # (B,), of the fork of each branch; none where it is not known
+    tries: NDArray[np.int64] | None = None  # (B,), of the fork of each branch; none where it is not known, as in files
 
 
 def build_branch_cage(

@@ -18,6 +18,7 @@ from usdfoliage.branch.cage.build import BranchCage, DroppedBranch, build_branch
 from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.rings import RingMarks
 from usdfoliage.branch.cage.settings import BranchCageSettings
+from usdfoliage.branch.cage.settle import ATTEMPTS
 from usdfoliage.branch.cage.twigs import SIDES, TwigSettings, count_rows, draw_twigs, mark_twigs, stand_out
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.pruning import PrunedSkeleton, prune_branches
@@ -108,6 +109,8 @@ def close_branches(
             break
         before = closed
         closed = _without(before, lost)
+        if closed is before:  # nothing would be left
+            break
         lost = find_afloat(closed, _beside_lost(before, closed))
     return replace(closed, thickest_plain_m=plain_m)
 
@@ -211,7 +214,8 @@ def build_with_twigs(skeleton: Skeleton, choice: PlainChoice, settings: BranchCa
     marks = mark_twigs(skeleton, choice.plain, exits)
     on_thick = chosen[marks.branch]
     marks = RingMarks(branch=number[marks.branch[on_thick]], arc_m=marks.arc_m[on_thick])
-    tried = None if choice.tried is None else choice.tried[thick]
+    # What was given up beside other branches may be joined without them.
+    tried = None if choice.tried is None else np.where(choice.tried >= ATTEMPTS, 0, choice.tried)[thick]
     cage = build_branch_cage(skeleton.only(chosen), settings, marks, tried)
     tries = np.zeros(len(skeleton), np.int64) if choice.tried is None else choice.tried.copy()
     if cage.tries is not None:

@@ -38,6 +38,7 @@ class CloudShapeSettings:
     stems: float = 0.25  # share of the roots, from which on their stems are believed: it is a plant whatever it has
     building: float = 0.75  # share of the points on large planes; a tree before a corner of walls has fewer
     other_walls: float = 0.1  # share on walls that face otherwise than the largest: an espalier has none
+    wall_m: float = 3.0  # length of a building or a wall, at least
     walls: float = 0.3  # share on walls of any direction
     wall: float = 0.9  # share on planes of one that is alone; before it a plant has the rest
     wall_clutter: float = 0.2  # up to which it is flat: an espalier is not
@@ -119,7 +120,9 @@ def judge_cloud_shape(
 def _choose_kind(shape: CloudShape, settings: CloudShapeSettings) -> CloudKind:
     if shape.stems >= settings.stems:
         return CloudKind.PLANT
-    if shape.on_planes >= settings.building and shape.on_walls >= settings.walls:
+    # Large leaves and pads are flat, too.
+    large = shape.length_m >= settings.wall_m
+    if large and shape.on_planes >= settings.building and shape.on_walls >= settings.walls:
         if shape.on_other_walls >= settings.other_walls:
             return CloudKind.BUILDING
         if shape.on_planes >= settings.wall and shape.clutter < settings.wall_clutter:

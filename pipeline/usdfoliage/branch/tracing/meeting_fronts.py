@@ -6,7 +6,7 @@ outer part leaves the other branch, and an arm runs back from there. Where the p
 arm is cut off there and goes on from the tip that it meets, and what is in line with it goes with it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -113,7 +113,7 @@ class _Tree:
         end_m = self.path_m[node] - length_m
         while self.below_node[path[-1]] >= 0 and self.path_m[path[-1]] > end_m:
             path.append(self.below_node[path[-1]])
-        return _place_along(self.center_m, path, length_m)
+        return _place_along(self.center_m, path, length_m) if len(path) > 1 else self.center_m[node]
 
     def place_above(self, fork: int, child: int, length_m: float) -> Point:
         """(3,) so far above a fork, on the path that begins with a child and follows what carries most."""
@@ -220,7 +220,7 @@ def _cut_off(
         arc_m = axes_tree.path_m[path[0]] - axes_tree.path_m[fork]
         if arc_m < 0.5 * length_m and count < len(path):
             continue
-        ahead_m = _place_along(axes_tree.center_m, [fork, *path[count - 1 :: -1]], length_m)
+        ahead_m = _place_along(axes_tree.center_m, _next_nodes(fork, path, count), length_m)
         into = axes_tree.center_m[fork] - places_behind(np.array([fork]))[0]
         gain = _angle(into, ahead_m - axes_tree.center_m[fork]) - loss - settings.near * arc_m / length_m
         if best is None or gain > best.gain:
@@ -230,6 +230,13 @@ def _cut_off(
         if np.pi - loss - settings.near * arc_m / length_m <= best.gain:
             break  # no turn is sharper than back
     return best
+
+
+def _next_nodes(fork: int, path: list[int], count: int) -> Iterator[int]:
+    """A fork, and the first nodes of a path, the last of them first."""
+    yield fork
+    for number in range(count - 1, -1, -1):
+        yield path[number]
 
 
 def _turn_round(
@@ -266,14 +273,14 @@ def _turn_round(
     return parent
 
 
-def _place_along(center_m: NDArray[np.float64], path: list[int], length_m: float) -> Point:
-    """(3,) so far along a path of nodes, or at its end."""
+def _place_along(center_m: NDArray[np.float64], path: Iterable[int], length_m: float) -> Point:
+    """(3,) so far along a path of two nodes or more, or at its end."""
     for node, following in pairwise(path):
         step_m = float(np.linalg.norm(center_m[following] - center_m[node]))
         if step_m >= length_m:
             return np.asarray(center_m[node] + (center_m[following] - center_m[node]) * (length_m / max(step_m, 1e-12)))
         length_m -= step_m
-    return np.asarray(center_m[path[-1]])
+    return np.asarray(center_m[following])
 
 
 def _angle(one: Point, other: Point) -> float:

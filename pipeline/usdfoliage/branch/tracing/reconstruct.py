@@ -17,7 +17,7 @@ from usdfoliage.branch.tracing.gaps import find_beyond_gaps
 from usdfoliage.branch.tracing.meeting_fronts import FrontSettings, join_fronts
 from usdfoliage.branch.tracing.radii import Radii, RadiusSettings
 from usdfoliage.branch.tracing.refinement import RefinementSettings, refine_branches
-from usdfoliage.branch.tracing.sections import SectionTree, cut_sections, find_paths, measure_across
+from usdfoliage.branch.tracing.sections import SectionTree, cut_sections, find_paths
 from usdfoliage.branch.tracing.spurs import absorb_spurs, find_spurs
 from usdfoliage.branch.tracing.traced_axes import as_skeleton, trace_axes
 from usdfoliage.branch.tracing.wood import WoodSettings, caution_with_colors, choose_wood, shows_leaves, wood_odds
@@ -49,7 +49,6 @@ class BranchSettings:
     internode_of_height: float = 0.005  # table 2: 5 cm in a box of 10 m
     graph: CloudGraphSettings = field(default_factory=CloudGraphSettings)
     path_power: float = 2.0  # of a link's length, that it costs
-    across: float = 3.0  # times more that the square of a length counts across the branch that a link is on
     coarse: float = 2.0  # internodes, thickness of a slice in which thick stems are found
     fine: float = 0.21  # internodes, thickness of a slice
     fine_spacings: float = 1.6  # distances to the sixth neighbour, thickness of a slice at most
@@ -71,8 +70,6 @@ class BranchSettings:
     def __post_init__(self) -> None:
         if self.internode_m is not None and not (np.isfinite(self.internode_m) and self.internode_m > 0):
             raise ValueError(f"internode_m must be above 0, not {self.internode_m:g}")
-        if not (np.isfinite(self.across) and self.across >= 0):
-            raise ValueError(f"across must not be below 0, not {self.across:g}")
         if not (self.path_power >= 1 and self.coarse > 0 and self.fine > 0 and self.min_length >= 0):
             raise ValueError("path_power must be at least 1, coarse and fine above 0, min_length not below 0")
         if not self.max_gap > 0:
@@ -284,9 +281,7 @@ def _cut(
     thick = stem_m > _HANGS_TOGETHER * spacing_m
     sparse = _is_sparse(internode_m, spacing_m, settings)
     few_points = all_wood and sparse
-    follows = _shows_twigs(internode_m, spacing_m, settings)
-    across = settings.across * measure_across(points_m, graph.bridged_m) if follows else 0.0
-    paths = find_paths(graph.bridged_m, feet, of_root, settings.path_power, thick, across)
+    paths = find_paths(graph.bridged_m, feet, of_root, settings.path_power, thick)
     return _Cut(
         points_m=points_m,
         sections=cut_sections(points_m, graph.lengths_m, paths, thickness_m),

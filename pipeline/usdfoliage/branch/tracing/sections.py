@@ -8,7 +8,6 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
-from usdfoliage.branch.tracing.local_directions import local_directions
 from usdfoliage.geometry.point_cells import cell_means
 
 _STEM = 0.25  # of its length, that a link on a stem costs: less than the many short ones of a branch beside it
@@ -52,7 +51,6 @@ def find_paths(
     of_root: NDArray[np.integer],
     power: float = 1.0,
     straight: NDArray[np.bool_] | None = None,
-    across: NDArray[np.floating] | float = 0.0,
 ) -> Paths:
     """The cheapest path from every point to a root, where a link costs a power of its length.
 
@@ -65,10 +63,9 @@ def find_paths(
         of_root: (R,), root that each of them is of, numbered from 0.
         power: 1 or more.
         straight: (N,), points of thick stems: links between them cost their length alone, and a share of that.
-        across: At each link, as lengths_m stores them, or at all: so much more a square of its length counts.
     """
     median_m = float(np.median(lengths_m.data))
-    cost = np.power(lengths_m.data / median_m * np.sqrt(1 + across), power)
+    cost = np.power(lengths_m.data / median_m, power)
     if straight is not None:
         links = lengths_m.tocoo()
         plain = straight[links.row] & straight[links.col]
@@ -83,26 +80,6 @@ def find_paths(
     number = np.full(lengths_m.shape[0], -1, np.int32)
     number[roots] = of_root
     return Paths(before=np.where(before < 0, -1, before).astype(np.int32), root=number[source])
-
-
-def measure_across(points_m: NDArray[np.float64], lengths_m: csr_array) -> NDArray[np.float64]:
-    """How much a link leads across the branch that its points are on, as lengths_m stores links; 0 along it, 1 across.
-
-    Where branches touch, the paths from one to the other lead across both.
-
-    Args:
-        points_m: (N, 3).
-        lengths_m: (N, N), of a graph of the points.
-    """
-    near = local_directions(points_m)
-    links = lengths_m.tocoo()
-    step = points_m[links.col] - points_m[links.row]
-    step /= np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
-    across = np.zeros(len(step))
-    for ends in (links.row, links.col):
-        along = np.einsum("lc,lc->l", step, near.direction[ends])
-        across += 0.5 * near.in_line[ends] * (1 - np.square(along))
-    return across
 
 
 def cut_sections(

@@ -19,12 +19,15 @@ def likeness_rows(plant: Skeleton, variations: Sequence[Skeleton]) -> list[Row]:
     to_plant = [compare_trees(own, each).total for each in others]
     among = [compare_trees(one, other).total for index, one in enumerate(others) for other in others[:index]]
     value = f"{_range(to_plant, 2)} to the plant" + (f", {_range(among, 2)} to each other" if among else "")
-    return [
+    rows = [
         Row(name="similarity of variations, S_T", value=value, remark=_TERMS),
         _spread("height", " m", 2, own.height_m, [each.height_m for each in others]),
         _spread("crown radius", " m", 2, own.crown_m, [each.crown_m for each in others]),
-        _spread("mean fork angle", "°", 0, own.fork_deg, [each.fork_deg for each in others]),
     ]
+    forked = [each.fork_deg for each in others if np.isfinite(each.fork_deg)]
+    if forked and np.isfinite(own.fork_deg):
+        rows.append(_spread("mean fork angle", "°", 0, own.fork_deg, forked))
+    return rows
 
 
 def _spread(what: str, unit: str, digits: int, of_plant: float, values: Sequence[float]) -> Row:
