@@ -279,8 +279,7 @@ def _cut(
     together_m = np.minimum(_HANGS_TOGETHER * spacing_m, 2 * stem_m)
     thickness_m = np.maximum(np.maximum(together_m, settings.stem_share * stem_m), fine_m)
     thick = stem_m > _HANGS_TOGETHER * spacing_m
-    sparse = _is_sparse(internode_m, spacing_m, settings)
-    few_points = all_wood and sparse
+    few_points = all_wood and _is_sparse(internode_m, spacing_m, settings)
     paths = find_paths(graph.bridged_m, feet, of_root, settings.path_power, thick)
     return _Cut(
         points_m=points_m,
