@@ -1215,7 +1215,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "sway-without-branches": RemarkKind(
                 severity="warning",
-                meaning="A sway was asked for, and the plant has no branches whose joints could turn.",
+                meaning="A rig or a sway was asked for, and the plant has no branches whose joints could turn.",
                 action="Set `branches.make` to `on`, or leave out the sway.",
             ),
             "growth-without-branches": RemarkKind(
@@ -1230,6 +1230,11 @@ SECTIONS: tuple[RemarkSection, ...] = (
                     "through."
                 ),
                 action="Set `branches.make` to `on` and `branches.photographs` to `false`, or ask for no variations.",
+            ),
+            "variation-failed": RemarkKind(
+                severity="warning",
+                meaning="A variation of the plant could not be made; the plant and its other variations stand.",
+                action="Do what the remark names, or ask for more variations.",
             ),
             "plant-leaves-guessed": RemarkKind(
                 severity="warning",

@@ -262,6 +262,8 @@ def test_times_and_lengths_that_cannot_be_are_refused():
         plan_stages(stem(), 0.0, 5)
     with pytest.raises(ValueError, match="2 times"):
         plan_stages(stem(), 0.1, 1)
+    with pytest.raises(ValueError, match="without length"):
+        plan_stages(plant_of((np.zeros((3, 3)), 0.1, None, -1)), 0.1, 5)
 
 
 def test_rings_of_a_fork_come_nearer_to_it_while_it_is_thin():

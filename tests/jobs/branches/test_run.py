@@ -361,6 +361,7 @@ def test_the_record_has_the_settings(tmp_path, rng):
     assert json.loads(json.dumps(record["settings"]["internode"])) == "0.02"
     skeleton = stage.GetPrimAtPath("/out/geo/guide/Skeleton")
     assert skeleton.GetAttribute("foliage:growth:internodeLength").Get() == pytest.approx(0.02)
+    assert 0.3 <= skeleton.GetAttribute("foliage:growth:allometryExponent").Get() <= 0.7  # those thought possible
 
 
 def test_the_bark_has_the_color_that_is_asked_for(tmp_path, rng, capsys):

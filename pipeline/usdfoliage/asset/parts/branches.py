@@ -24,6 +24,7 @@ _GROWTH: Mapping[str, Sdf.ValueTypeName] = {
     "initialLength": Sdf.ValueTypeNames.Float,
     "maximumLength": Sdf.ValueTypeNames.Float,
     "rootDiameter": Sdf.ValueTypeNames.Float,
+    "allometryExponent": Sdf.ValueTypeNames.Float,
 }
 _INFERRED = "foliage:inferred"
 

@@ -79,10 +79,12 @@ def plan_stages(
         settings: How it grows.
 
     Raises:
-        ValueError: The internode has no length, or there are fewer than two times.
+        ValueError: The internode or the skeleton has no length, or there are fewer than two times.
     """
     if not 0 < internode_m < np.inf:
         raise ValueError(f"internode_m must be above 0, not {internode_m:g}")
+    if not skeleton.lengths_m.any():
+        raise ValueError("a skeleton without length cannot grow")
     if count < 2:
         raise ValueError(f"growth takes 2 times or more, not {count}")
     return GrowthStages(

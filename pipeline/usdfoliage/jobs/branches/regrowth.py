@@ -1,7 +1,7 @@
 """Branches that are grown, where the settings ask for it: instead of traced ones, in the crown, or as variations."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
@@ -159,21 +159,19 @@ def regrow_branches(
 
 def vary_branches(
     traced: TracedBranches, plant: PlantCloud, request: RegrowthRequest, species: Species, seed: int
-) -> Iterator[tuple[TracedBranches, int]]:
-    """Plants like the one that was traced, grown through its cloud with slightly other parameters; each one's seed.
+) -> TracedBranches:
+    """A plant like the one that was traced, grown through its cloud with slightly other parameters.
 
-    What its cloud hides they fill as it does, where that is asked for.
+    What its cloud hides it fills as that does, where it is asked for.
     """
     growth = growth_settings(traced, species)
     through = settings_for_cloud(growth, traced, plant, request.internode_m)
-    for number in range(1, request.variations + 1):
-        own = seed + number
-        varied = vary_growth(through, request.settings.variation, own)
-        variation = replace(traced, skeleton=_regrow(traced, plant, varied, request, own, None).skeleton)
-        if request.hidden:
-            varied = vary_growth(growth, request.settings.variation, own)
-            variation = replace(variation, skeleton=_fill(variation, plant, varied, request, own, None).skeleton)
-        yield variation, own
+    varied = vary_growth(through, request.settings.variation, seed)
+    variation = replace(traced, skeleton=_regrow(traced, plant, varied, request, seed, None).skeleton)
+    if request.hidden:
+        varied = vary_growth(growth, request.settings.variation, seed)
+        variation = replace(variation, skeleton=_fill(variation, plant, varied, request, seed, None).skeleton)
+    return variation
 
 
 def _grow_through(

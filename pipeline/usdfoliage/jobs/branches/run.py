@@ -1,7 +1,7 @@
 """From a cloud on disk to an asset of branches."""
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -40,7 +40,7 @@ from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, regrow_bran
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.branches.surfaces import build_surfaces, faces_of_cloud
 from usdfoliage.jobs.branches.tracing import FindStems, trace_cloud
-from usdfoliage.jobs.branches.warnings import check_surface
+from usdfoliage.jobs.branches.warnings import check_motion, check_surface
 from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.report.table import Row, WrittenReport
 from usdfoliage.progress import StepProgress, follow_step
@@ -208,15 +208,15 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
         variations: list[Path] = []
         skeletons: list[Skeleton] = []
         with follow_step("variations", seconds, progress) as advance:
-            for seed, variation in vary_surfaces(request, found, fitted):
-                name = name_variation(request.name, len(variations) + 1)
+            for number in range(1, request.regrowth.variations + 1):
+                variation = vary_plant(request, found, number, fitted)
+                name = name_variation(request.name, number)
                 own = folder / VARIATIONS / name
                 own.mkdir(parents=True)
                 skeletons.append(variation.traced.skeleton)
-                variations.append(
-                    _write_plant(own, name, variation, replace(provenance, seed=seed), plant, request.asset)
-                )
-                advance(len(variations), request.regrowth.variations)
+                own_provenance = replace(provenance, seed=request.seed + number)
+                variations.append(_write_plant(own, name, variation, own_provenance, plant, request.asset))
+                advance(number, request.regrowth.variations)
         found = replace(found, rows=(*found.rows, *likeness_rows(found.drawn.skeleton, skeletons)))
         (folder / "report").mkdir(exist_ok=True)
         drawn = interface if request.preview else None
@@ -271,19 +271,23 @@ def name_variation(name: str, number: int) -> str:
     return f"{name}_{number:02d}"
 
 
-def vary_surfaces(
-    request: BranchesRequest, found: FoundBranches, fitted: FittedLeaves | None = None
-) -> Iterator[tuple[int, "PlantModel"]]:
-    """Variations of a plant as they were asked for, with the seed of each.
+def vary_plant(
+    request: BranchesRequest, found: FoundBranches, number: int, fitted: FittedLeaves | None = None
+) -> "PlantModel":
+    """A variation of a plant.
 
     Args:
         request: What was asked for.
         found: The branches of the plant itself.
+        number: Of the variation, from 1 on: by so much its seed is higher.
         fitted: As find_branches takes it.
+
+    Raises:
+        FoliageError: It cannot be made.
     """
-    plant, species = found.plant, request.foliage.species
-    for varied, seed in vary_branches(found.traced, plant, request.regrowth, species, request.seed):
-        yield seed, _make_plant(request, varied, plant, fitted, seed, {}, None)
+    seed = request.seed + number
+    varied = vary_branches(found.traced, found.plant, request.regrowth, request.foliage.species, seed)
+    return _make_plant(request, varied, found.plant, fitted, seed, {}, None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -319,9 +323,13 @@ def _make_plant(
     with follow_step("leaves", seconds, progress):
         grown = grow_leaves(traced.skeleton, request.foliage, fitted, seed)
         remarks.extend(grown.remarks if grown else ())
+    motion = request.motion
+    if not len(surfaces.whole.curve):
+        remarks += check_motion(motion.rig is not None, motion.growth_frames > 0)
+        motion = BranchMotion()
     with follow_step("motion", seconds, progress):
-        rig = rig_branches(traced.skeleton, surfaces, request.motion, seed)
-        growth = grow_branches(traced, surfaces, request.motion, grown)
+        rig = rig_branches(traced.skeleton, surfaces, motion, seed)
+        growth = grow_branches(traced, surfaces, motion, grown)
     if rig is not None:
         text = f"the rig has {len(rig.rig)} joints"
         remarks.append(remark("rig-joints", text, remedy="select rig=skel to move it"))
@@ -389,6 +397,8 @@ def growth_of(traced: TracedBranches) -> dict[str, float]:
     """What of the growth parameters is known; of stems that were found otherwise, the internodes that they show."""
     growth = {"rootDiameter": float(2 * traced.skeleton.radius_m[0])}
     internode_m = measure_internode_m(traced.skeleton) if traced.found_otherwise else traced.internode_m
+    if not traced.found_otherwise:
+        growth["allometryExponent"] = traced.radii.exponent
     return growth if internode_m is None else {"internodeLength": internode_m, **growth}
 
 

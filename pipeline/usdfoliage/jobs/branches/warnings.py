@@ -90,3 +90,20 @@ def check_growth(reached: float, internode_m: float) -> list[Remark]:
             ),
         )
     ]
+
+
+def check_motion(sways: bool, grows: bool, whose: str = "the plant") -> list[Remark]:
+    """Warnings where branches without a surface are to move.
+
+    Args:
+        sways: Whether a rig or a sway was asked for.
+        grows: Whether growth was asked for.
+        whose: They are.
+    """
+    remarks = []
+    if sways:
+        text = f"{whose} does not sway: it has no branches that joints could turn"
+        remarks.append(remark("sway-without-branches", text))
+    if grows:
+        remarks.append(remark("growth-without-branches", f"{whose} does not grow: it has no branches"))
+    return remarks

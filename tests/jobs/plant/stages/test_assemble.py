@@ -1,5 +1,6 @@
 """The stage that makes one asset of the parts: what it shows first, and what it warns of."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -8,16 +9,21 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom, UsdSkel
 from usdfoliage.asset.packages.contents import interface_of
+from usdfoliage.asset.parts.branch_part import BranchAssetSettings, PlantBranches
+from usdfoliage.asset.parts.branches import SkeletonPrim
 from usdfoliage.asset.parts.leaf_part import BranchLeaves
 from usdfoliage.asset.validation.validate import validate_asset
 from usdfoliage.branch.cage.build import build_branch_cage
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
+from usdfoliage.branch.foliage.species import load_library
 from usdfoliage.branch.model_file import BranchesModel, TracedPlant, write_branches_model, write_traced_plant
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import write_cloud
 from usdfoliage.crown.model_file import MadeCrown, write_crown_model
+from usdfoliage.errors import FitError, WriteError
 from usdfoliage.jobs.plant.asset_facts import read_asset_facts
 from usdfoliage.jobs.plant.settings import BuildSettings, PictureStageSettings
+from usdfoliage.jobs.plant.stages import assemble
 from usdfoliage.jobs.plant.stages.assemble import assemble_asset, describe_guessed_leaves
 from usdfoliage.jobs.plant.stages.foliage import ChosenFoliage
 from usdfoliage.jobs.plant.stages.models import read_captured_leaves
@@ -262,6 +268,72 @@ def test_variations_are_assets_beside_the_plant(tmp_path, kind):
         assert bool(stage.GetPrimAtPath(f"/{name}/geo/render/Leaves")) == (kind == "captured")
         assert [each for each in validate_asset(own).findings if each.severity == "error"] == []
     assert sorted(each.name for each in (call.out / "asset" / "variations").iterdir()) == ["fork_01", "fork_02"]
+
+
+def test_variations_that_fail_are_left_out_and_counted(tmp_path, monkeypatch):
+    """Of four variations the first was not made, the second has no surface, of the third no asset can be written."""
+    settings = BuildSettings()
+    settings = replace(
+        settings,
+        plant=replace(settings.plant, growth_frames=4, sway_frames=4),
+        branches=replace(settings.branches, variations=4),
+        foliage=replace(settings.foliage, kind="none"),
+    )
+    call = fork_call(tmp_path, fork().points_m, settings)
+    whole = build_branch_cage(fork())
+    bare = replace(
+        whole,
+        faces=whole.faces[:0], face_st=whole.face_st[:0], curve=whole.curve[:0], order=whole.order[:0],
+        fork_faces=whole.fork_faces[:0], fork_counts=whole.fork_counts[:0], fork_curve=whole.fork_curve[:0],
+    )  # fmt: skip
+    for number, cage in ((2, bare), (3, whole), (4, whole)):
+        model = BranchesModel(skeleton=fork(), surfaces=BranchSurfaces(whole=cage), color=(0.1, 0.1, 0.1))
+        write_branches_model(tmp_path / "branches" / f"variation_{number:02d}.npz", model)
+    write = assemble.write_plant_asset
+
+    def write_all_but_one(folder, name, **parts):
+        write(folder, name, **parts)
+        if name == "fork_03":
+            raise FitError("its leaves need more memory than there is", "ask for fewer leaves")
+
+    monkeypatch.setattr(assemble, "write_plant_asset", write_all_but_one)
+    assemble_asset(call)  # type: ignore[arg-type]
+    summary = read_summary(call.out)
+    assert {row.name: row.value for row in summary.rows}["variations"] == "2 of 4"
+    (failed,) = [each for each in summary.remarks if each.code == "variation-failed"]
+    assert failed.severity == "warning"
+    assert failed.text == "variation 3 is left out: its leaves need more memory than there is"
+    assert [each.text.split(" does")[0] for each in summary.remarks if each.code.endswith("-without-branches")] == [
+        "variation 2",
+        "variation 2",
+    ]
+    assert sorted(each.name for each in (call.out / "asset" / "variations").iterdir()) == ["fork_02", "fork_04"]
+
+    def fail_now(folder, name, **parts):
+        write(folder, name, **parts)
+        if name == "fork_03":
+            raise WriteError("the disk is full")
+
+    monkeypatch.setattr(assemble, "write_plant_asset", fail_now)
+    shutil.rmtree(call.out)
+    call.out.mkdir()
+    with pytest.raises(WriteError, match="disk is full"):
+        assemble_asset(call)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("growth", "exponent"), [({"allometryExponent": 0.6}, 0.6), ({}, 0.42)])
+def test_a_build_grows_by_the_exponent_that_was_traced(monkeypatch, growth, exponent):
+    """As the command branches has it; that of the species where nothing was traced."""
+    used = []
+    monkeypatch.setattr(assemble, "grow_near_leaves", lambda *given: used.append(given[4]))
+    surfaces = BranchSurfaces(whole=build_branch_cage(fork()))
+    branches = PlantBranches(
+        skeleton=SkeletonPrim(skeleton=fork(), growth=growth), surfaces=surfaces, settings=BranchAssetSettings()
+    )
+    species = next(name for name, each in load_library(None).items() if each.exponent == 0.42)
+    settings = replace(BuildSettings(), plant=replace(BuildSettings().plant, growth_frames=4, species=species))
+    assemble.add_growth(branches, None, settings)
+    assert used == [exponent]
 
 
 @pytest.mark.parametrize(

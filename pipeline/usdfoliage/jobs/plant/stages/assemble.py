@@ -1,5 +1,6 @@
 """The task that makes one asset of a plant's parts, in one frame."""
 
+import shutil
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -22,10 +23,11 @@ from usdfoliage.branch.motion.rig import RigSettings
 from usdfoliage.branch.motion.sway import SwaySettings
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
 from usdfoliage.capture.cloud_files.ply import read_cloud
-from usdfoliage.errors import FitError, PreviewError, PreviewTimeoutError
+from usdfoliage.errors import FitError, FoliageError, PreviewError, PreviewTimeoutError
 from usdfoliage.files.npz import write_arrays
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_near_leaves, rig_branches, rig_near_leaves
 from usdfoliage.jobs.branches.run import VARIATIONS, name_variation
+from usdfoliage.jobs.branches.warnings import check_motion
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
 from usdfoliage.jobs.plant.call import StageCall
@@ -45,9 +47,9 @@ from usdfoliage.jobs.plant.stages.models import (
     read_crown,
     read_plant_branches,
     read_traced,
-    read_variations,
+    read_variation,
 )
-from usdfoliage.jobs.plant.stages.parts import known_species
+from usdfoliage.jobs.plant.stages.parts import describe_failed_variation, known_species
 from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StageSummary, read_summary, write_summary
 from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, CROWN, LEAVES
@@ -106,19 +108,8 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         )
         remarks.append(remark("crown-left-out", text))
 
-    if call.settings.plant.sway_frames:
-        if branches is None or not len(branches.surfaces.whole.curve):
-            text = "the plant does not sway: it has no branches that joints could turn"
-            remarks.append(remark("sway-without-branches", text))
-        else:
-            branches = add_sway(branches, chosen.leaves, call.settings)
-    exponent = (known_species(call.settings.plant.species) or load_species(GENERIC)).exponent
-    if call.settings.plant.growth_frames:
-        if branches is None or not len(branches.surfaces.whole.curve):
-            text = "the plant does not grow: it has no branches"
-            remarks.append(remark("growth-without-branches", text))
-        else:
-            branches = add_growth(branches, chosen.leaves, call.settings, exponent)
+    branches, of_motion = add_motion(branches, chosen.leaves, call.settings, "the plant")
+    remarks += of_motion
     if call.settings.branches.variations and branches is None:
         text = "the plant has no variations: no branches were traced"
         remarks.append(remark("variations-without-branches", text))
@@ -144,6 +135,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         small = [each.text for each in of_leaves if each.code == "leaves-small"]
         first = ["the lod crown is shown"] if wrong and crown is not None else []
         remarks.append(remark("plant-leaves-guessed", "; ".join([guessed, *first, *small])))
+    variations: list[Row] = []
     undrawn: list[Remark] = []
     late: list[bool] = []
     written: list[AssetShape] = []
@@ -179,7 +171,8 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             pictures=draw,
         )
         if branches is not None:
-            _write_variations(call, folder, plant_from_capture, captured, chosen, exponent)
+            variations, of_variations = _write_variations(call, folder, plant_from_capture, captured, chosen)
+            remarks += of_variations
     remarks += undrawn
     facts = AssetFacts(
         leaves=0 if chosen.leaves is None else len(chosen.leaves.leaves),
@@ -198,9 +191,24 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         *facts.count_rows(),
         *([Row(name="cover", value=f"{cover:.0%}", remark=_COVER)] if cover is not None else []),
         *chosen.rows,
+        *variations,
     ]
     write_summary(call.out, StageSummary(rows=rows, remarks=remarks, poor=bool(undrawn)))
     return ()
+
+
+def add_motion(
+    branches: PlantBranches | None, foliage: BranchLeaves | None, settings: BuildSettings, whose: str
+) -> tuple[PlantBranches | None, list[Remark]]:
+    """The branches with the sway and the growth that are asked for, and remarks where they have no surface to move."""
+    wanted = settings.plant
+    if branches is None or not len(branches.surfaces.whole.curve):
+        return branches, check_motion(wanted.sway_frames > 0, wanted.growth_frames > 0, whose)
+    if wanted.sway_frames:
+        branches = add_sway(branches, foliage, settings)
+    if wanted.growth_frames:
+        branches = add_growth(branches, foliage, settings)
+    return branches, []
 
 
 def add_sway(branches: PlantBranches, foliage: BranchLeaves | None, settings: BuildSettings) -> PlantBranches:
@@ -219,21 +227,19 @@ def add_sway(branches: PlantBranches, foliage: BranchLeaves | None, settings: Bu
     )
 
 
-def add_growth(
-    branches: PlantBranches, foliage: BranchLeaves | None, settings: BuildSettings, exponent: float
-) -> PlantBranches:
+def add_growth(branches: PlantBranches, foliage: BranchLeaves | None, settings: BuildSettings) -> PlantBranches:
     """The branches with their growth; leaves come out of the branch whose bark is nearest to their base."""
-    skeleton = branches.skeleton.skeleton
+    skeleton, known = branches.skeleton.skeleton, branches.skeleton.growth
     height_m = float(np.ptp(skeleton.points_m, axis=0).max())
-    internode_m = branches.skeleton.growth.get("internodeLength", BranchSettings.internode_of_height * height_m)
+    exponent = (known_species(settings.plant.species) or load_species(GENERIC)).exponent  # of stems in photographs
     return replace(
         branches,
         growth=grow_near_leaves(
             skeleton,
             branches.surfaces,
             BranchMotion(growth_frames=settings.plant.growth_frames),
-            internode_m,
-            exponent,
+            known.get("internodeLength", BranchSettings.internode_of_height * height_m),
+            known.get("allometryExponent", exponent),
             None if foliage is None or not len(foliage.leaves) else foliage.leaves,
         ),
     )
@@ -245,30 +251,41 @@ def _write_variations(
     plant_from_capture: NDArray[np.float64],
     captured: CapturedLeaves | None,
     chosen: ChosenFoliage,
-    exponent: float,
-) -> None:
-    """Assets of further plants that grew through the same cloud, each with leaves on its twigs."""
-    settings = call.settings
-    for number, branches in enumerate(read_variations(call.result_of(BRANCHES)), 1):
-        seed = settings.seed + number
-        foliage = leaves_on_twigs(branches.skeleton.skeleton, captured, chosen, settings, seed)
-        if settings.plant.sway_frames:
-            branches = add_sway(branches, foliage, settings)
-        if settings.plant.growth_frames:
-            branches = add_growth(branches, foliage, settings, exponent)
+) -> tuple[list[Row], list[Remark]]:
+    """Assets of further plants that grew through the same cloud, each with leaves on its twigs; how many there are, and
+    what the user should know."""
+    settings, wanted = call.settings, call.settings.branches.variations
+    remarks: list[Remark] = []
+    made = 0
+    for number in range(1, wanted + 1):
+        branches = read_variation(call.result_of(BRANCHES), number)
+        if branches is None:
+            continue
         name = name_variation(call.request.name, number)
         own = folder / VARIATIONS / name
-        own.mkdir(parents=True)
-        write_plant_asset(
-            own,
-            name,
-            provenance=replace(provenance_of(call), seed=seed),
-            asset_from_capture=plant_from_capture,
-            branches=branches,
-            foliage=foliage,
-            crown=None,
-            settings=PlantAssetSettings(version=settings.plant.version),
-        )
+        seed = settings.seed + number
+        try:
+            foliage = leaves_on_twigs(branches.skeleton.skeleton, captured, chosen, settings, seed)
+            moving, of_motion = add_motion(branches, foliage, settings, f"variation {number}")
+            own.mkdir(parents=True)
+            write_plant_asset(
+                own,
+                name,
+                provenance=replace(provenance_of(call), seed=seed),
+                asset_from_capture=plant_from_capture,
+                branches=moving,
+                foliage=foliage,
+                crown=None,
+                settings=PlantAssetSettings(version=settings.plant.version),
+            )
+        except FoliageError as error:
+            remarks.append(describe_failed_variation(number, error))
+            shutil.rmtree(own, ignore_errors=True)
+            continue
+        remarks += of_motion
+        made += 1
+    rows = [Row(name="variations", value=str(made) if made == wanted else f"{made} of {wanted}")] if wanted else []
+    return rows, remarks
 
 
 def describe_guessed_leaves(chosen: ChosenFoliage) -> str:

@@ -101,14 +101,15 @@ def read_plant_branches(folder: Path) -> PlantBranches | None:
     return drawn_branches(read_branches_model(path)) if path.is_file() else None
 
 
-def read_variations(folder: Path) -> list[PlantBranches]:
-    """What is drawn of the branches of further plants, in the result of the stage of branches.
+def read_variation(folder: Path, number: int) -> PlantBranches | None:
+    """What is drawn of the branches of a further plant, from 1 on, in the result of the stage of branches; None where
+    it could not be made.
 
     Raises:
-        CaptureError: A file cannot be read.
+        CaptureError: The file cannot be read.
     """
-    paths = sorted(folder.glob(VARIATION_MODEL.replace("{number:02d}", "*")))
-    return [drawn_branches(read_branches_model(path)) for path in paths]
+    path = folder / VARIATION_MODEL.format(number=number)
+    return drawn_branches(read_branches_model(path)) if path.is_file() else None
 
 
 def drawn_branches(model: BranchesModel) -> PlantBranches:

@@ -12,6 +12,7 @@ import numpy as np
 from usdfoliage.asset.packages.leaf_package import AssetSettings
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.foliage.species import GENERIC, Species, load_library, load_species
+from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.model_file import BranchesModel, TracedPlant, write_branches_model, write_traced_plant
 from usdfoliage.branch.tracing.radii import RadiusSettings
 from usdfoliage.branch.tracing.reconstruct import BranchSettings
@@ -24,7 +25,7 @@ from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.branches.foliage import FoliageRequest
 from usdfoliage.jobs.branches.likeness import likeness_rows
 from usdfoliage.jobs.branches.regrowth import TRACE, Fill, RegrowthRequest
-from usdfoliage.jobs.branches.run import BranchesRequest, FoundBranches, find_branches, report_branches, vary_surfaces
+from usdfoliage.jobs.branches.run import BranchesRequest, FoundBranches, find_branches, report_branches, vary_plant
 from usdfoliage.jobs.branches.tracing import NoStemsError
 from usdfoliage.jobs.crown.capture_input import PlantPoints
 from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest, find_captured_crown, report_crown
@@ -172,8 +173,14 @@ def _write_variations(
     if found.stems is not None:
         text = "the plant has no variations: its stems are lines in photographs, and the cloud does not show them"
         return [], [remark("variations-without-branches", text)]
-    skeletons = []
-    for number, (_, made) in enumerate(vary_surfaces(request, found), 1):
+    skeletons: list[Skeleton] = []
+    failed: list[Remark] = []
+    for number in range(1, request.regrowth.variations + 1):
+        try:
+            made = vary_plant(request, found, number)
+        except FoliageError as error:
+            failed.append(describe_failed_variation(number, error))
+            continue
         model = BranchesModel(
             skeleton=made.traced.skeleton,
             surfaces=made.surfaces,
@@ -182,7 +189,19 @@ def _write_variations(
         )
         write_branches_model(call.out / VARIATION_MODEL.format(number=number), model)
         skeletons.append(model.skeleton)
-    return likeness_rows(found.drawn.skeleton, skeletons), []
+    return likeness_rows(found.drawn.skeleton, skeletons), failed
+
+
+def describe_failed_variation(number: int, error: FoliageError) -> Remark:
+    """A remark on a variation that cannot be made, without which the plant remains.
+
+    Raises:
+        FoliageError: It cannot be made here and now, as on a full disk; on another day it can.
+    """
+    if fails_now(error):
+        raise error
+    logger.warning("no variation %d: %s", number, error.text)
+    return remark("variation-failed", f"variation {number} is left out: {error.text}", remedy=error.remedy)
 
 
 def known_species(name: str) -> Species | None:
