@@ -56,6 +56,29 @@ def test_each_difference_is_in_its_term():
     assert shorter.geometry < 1
 
 
+def test_trees_without_common_orders_are_not_similar():
+    """A trunk alone, and one that carries most of its wood: geometry has the trunk in common, and nothing else."""
+    bare = plant_of((np.linspace([0, 0, 0], [0, 4, 0], 41), 0.1, None, -1))
+    found = compare_trees(measure_traits(bare), measure_traits(y_tree(60, 1, 8)))
+    assert found.geometry == pytest.approx(np.mean([1, 0, 0, 1, 0]))  # lengths, angles and slopes of two orders
+    assert found.structure == pytest.approx(np.mean([1, 0, 1 / 3]))
+
+
+def test_a_twig_is_neither_a_crown_nor_an_order():
+    """Short ones are not counted; one that is just long enough to count decides nothing."""
+    trunk_m = np.linspace([0, 0, 0], [0, 4, 0], 41)
+    bare = measure_traits(plant_of((trunk_m, 0.1, None, -1)))
+    for length_m in (0.07, 0.082):
+        twig = (np.linspace(trunk_m[10], np.add(trunk_m[10], [length_m, 0, 0]), 2), 0.01, 0, 10)
+        found = compare_trees(bare, measure_traits(plant_of((trunk_m, 0.1, None, -1), twig)))
+        assert found.geometry == 1
+        assert min(found.shape, found.structure) > 0.98
+    short = [(np.linspace(at_m, np.add(at_m, [0.07, 0, 0]), 2), 0.01, 0, at) for at, at_m in enumerate(trunk_m) if at]
+    thorny = measure_traits(plant_of((trunk_m, 0.1, None, -1), *short))
+    assert thorny.crown_m == 0
+    assert not thorny.layers.any()
+
+
 def test_likeness_is_reported_in_figures():
     assert likeness_rows(fork(), []) == []
     rows = likeness_rows(y_tree(60, 1, 8), [y_tree(60, 1, 8), y_tree(30, 1, 8)])

@@ -33,14 +33,10 @@ def prune_branches(skeleton: Skeleton, stays: NDArray[np.bool_]) -> PrunedSkelet
     parent_curve, leaves = skeleton.parent_curve.astype(np.int64), skeleton.parent_vertex.astype(np.int64)
     prefixes: dict[int, NDArray[np.int64]] = {}  # old points before a branch's own first
     for branch in np.flatnonzero(stays & (parent_curve >= 0)).tolist():
-        passed: list[NDArray[np.int64]] = []
-        below, vertex = int(parent_curve[branch]), int(leaves[branch])
-        while below >= 0 and not stays[below]:
-            passed.insert(0, np.arange(skeleton.first[below], vertex))  # its last point is the next one's first
-            below, vertex = int(skeleton.parent_curve[below]), int(skeleton.parent_vertex[below])
-        if passed:
-            prefixes[branch] = np.concatenate(passed)
-            parent_curve[branch], leaves[branch] = below, vertex
+        passed, below, vertex = pass_through(skeleton, branch, stays)
+        if len(passed):
+            prefixes[branch] = passed
+        parent_curve[branch], leaves[branch] = below, vertex
     kept = np.flatnonzero(stays)
     added = np.array([len(prefixes.get(branch, ())) for branch in kept.tolist()], np.int64)
     counts = skeleton.counts[kept] + added
@@ -68,6 +64,17 @@ def prune_branches(skeleton: Skeleton, stays: NDArray[np.bool_]) -> PrunedSkelet
         inferred=skeleton.inferred[kept],
     )
     return PrunedSkeleton(skeleton=pruned, number=number, prefix_m=pruned.arcs_m[first + added])
+
+
+def pass_through(skeleton: Skeleton, branch: int, stays: NDArray[np.bool_]) -> tuple[NDArray[np.int64], int, int]:
+    """The way of a branch through those below it that do not stay (B,): vertices (n,) that come before its own first
+    one, and the branch and the vertex that it leaves then, -1 where none stays."""
+    passed = [np.zeros(0, np.int64)]
+    below, vertex = int(skeleton.parent_curve[branch]), int(skeleton.parent_vertex[branch])
+    while below >= 0 and not stays[below]:
+        passed.insert(0, np.arange(skeleton.first[below], vertex))  # its last point is the next one's first
+        below, vertex = int(skeleton.parent_curve[below]), int(skeleton.parent_vertex[below])
+    return np.concatenate(passed), below, vertex
 
 
 def _own(skeleton: Skeleton, branch: int) -> NDArray[np.int64]:

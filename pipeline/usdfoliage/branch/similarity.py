@@ -6,6 +6,7 @@ Our terms are others: figures of those papers are on another scale. Branches sho
 out, since clouds show few of them.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ _LOW = 0.1  # of its largest extent, that a plant is high at least, for what is 
 _SHORT = 0.02  # of the height, below which branches are left out; directions are taken over as much
 _LAYERS = 10  # of the height, whose radii are compared
 _ORDERS = 3  # beyond the trunk, that are compared
+_LITTLE = 0.03  # share of the wood of both trees, below which an order is not compared
 _WIDE = 0.95  # quantile of the distances of wood from its middle, that is the radius of a crown
 
 Array = NDArray[np.float64]
@@ -59,11 +61,12 @@ def measure_traits(skeleton: Skeleton) -> TreeTraits:
     extent_m = np.ptp(skeleton.points_m, axis=0)
     # A plant may hang from its root, or lie.
     height_m = max(float(extent_m[1]), _LOW * float(extent_m.max()), 1e-6)
-    places_m = place_on_axes(skeleton, _SHORT * height_m / 2).points_m
+    counted = (skeleton.lengths_m >= _SHORT * height_m) | (skeleton.parent_curve < 0)
+    places = place_on_axes(skeleton, _SHORT * height_m / 2)
+    places_m = places.points_m[counted[skeleton.curve[places.vertex]]]
     from_middle_m = np.linalg.norm((places_m - places_m.mean(axis=0))[:, [0, 2]], axis=1)
     layer = np.clip(((places_m[:, 1] - foot_m) / height_m * _LAYERS).astype(np.int64), 0, _LAYERS - 1)
     wide = [np.quantile(from_middle_m[layer == each], _WIDE) if (layer == each).any() else 0 for each in range(_LAYERS)]
-    counted = (skeleton.lengths_m >= _SHORT * height_m) | (skeleton.parent_curve < 0)
     along = _directions(skeleton, np.arange(len(skeleton)), np.zeros(len(skeleton)), _SHORT * height_m)
     angle_deg = np.full(len(skeleton), np.nan)
     child = np.flatnonzero(skeleton.parent_curve >= 0)
@@ -91,15 +94,21 @@ def measure_traits(skeleton: Skeleton) -> TreeTraits:
 
 def compare_trees(one: TreeTraits, other: TreeTraits) -> TreeSimilarity:
     """How similar two trees are."""
-    spread = np.abs(one.layers - other.layers).sum() / max(float((one.layers + other.layers).sum()), 1e-300)
-    shape = [_ratio(one.height_m, other.height_m), _ratio(one.crown_m, other.crown_m), 1 - float(spread)]
+    # Below so much a crown is none, as of bare trunks.
+    narrow_m = _SHORT * max(one.height_m, other.height_m)
+    crowns = _ratio(max(one.crown_m, narrow_m), max(other.crown_m, narrow_m))
+    layers = max(float((one.layers + other.layers).sum()), 2 * _LAYERS * _SHORT)
+    spread = np.abs(one.layers - other.layers).sum() / layers
+    shape = [_ratio(one.height_m, other.height_m), crowns, 1 - float(spread)]
+    # Of an order that hardly any wood is of, a single twig decides.
+    orders = np.flatnonzero(np.maximum(one.wood, other.wood) >= _LITTLE)
     geometry = [
-        *(_ratio(*pair) for pair in _both(one.lengths, other.lengths)),
-        *(max(0.0, 1 - abs(a - b) / 90) for a, b in _both(one.angles_deg, other.angles_deg)),
-        *(max(0.0, 1 - abs(a - b) / 90) for a, b in _both(one.slopes_deg, other.slopes_deg)),
+        *_compare(one.lengths[orders], other.lengths[orders], _ratio),
+        *_compare(one.angles_deg[orders], other.angles_deg[orders], _agree),
+        *_compare(one.slopes_deg[orders], other.slopes_deg[orders], _agree),
     ]
     structure = [
-        *(_ratio(a, b) for a, b in zip(one.numbers, other.numbers, strict=True) if a or b),
+        *_compare(one.numbers[orders], other.numbers[orders], _ratio),
         1 - float(np.abs(one.wood - other.wood).sum()) / 2,
     ]
     return TreeSimilarity(
@@ -120,9 +129,17 @@ def _mean(values: Array) -> float:
     return float(values.mean()) if len(values) else float("nan")
 
 
-def _both(one: Array, other: Array) -> list[tuple[float, float]]:
-    """Pairs of numbers that both have."""
-    return [(a, b) for a, b in zip(one.tolist(), other.tolist(), strict=True) if np.isfinite(a) and np.isfinite(b)]
+def _compare(one: Array, other: Array, agree: Callable[[float, float], float]) -> list[float]:
+    """How numbers of the same orders agree: 0 where one tree has no such branches, nothing where neither has."""
+    return [
+        agree(a, b) if np.isfinite([a, b]).all() else 0.0
+        for a, b in zip(one.tolist(), other.tolist(), strict=True)
+        if np.isfinite([a, b]).any()
+    ]
+
+
+def _agree(one_deg: float, other_deg: float) -> float:
+    return max(0.0, 1 - abs(one_deg - other_deg) / 90)
 
 
 def _ratio(one: float, other: float) -> float:

@@ -101,7 +101,9 @@ def _cell_side(points_m: NDArray[np.float64], max_cells: int) -> float:
 
 
 def _size(points_m: NDArray[np.float64]) -> float:
-    """Root of length times width of points (N, 3), without outliers."""
+    """Root of length times width of points (N, 3), without outliers; 0 of a single one."""
+    if len(points_m) < 2:
+        return 0.0
     along = np.linalg.eigh(np.cov(points_m.T))[1]
     low_m, high_m = np.quantile(points_m @ along, [_TAILS, 1 - _TAILS], axis=0)
     _, width_m, length_m = np.sort(high_m - low_m)

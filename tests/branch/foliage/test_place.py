@@ -168,14 +168,6 @@ def test_a_thick_root_makes_thicker_twigs_carry_leaves():
     assert not len(place(plant, SPIRAL, replace(EXACT, of_root=0.01)))
 
 
-def test_branches_that_nobody_sees_are_bare():
-    plant = plant_of(*[(np.array([[0, 0, k], [0, 0.3, k]]), RADIUS_M, None, -1) for k in range(4)])
-    every = place(plant, SPIRAL)
-    some = place_leaves(plant, SPIRAL, np.random.default_rng(0), EXACT, bare=[0, 2])
-    assert set(some.branch) == {1, 3}
-    assert (some.shoots, some.grown) == (2, every.grown / 2)
-
-
 def test_a_plant_without_twigs_has_no_leaves():
     places = place(twig(radius_m=0.5)[0], SPIRAL, replace(EXACT, of_root=0.0))
     assert (len(places), places.grown, places.shoots) == (0, 0, 0)

@@ -14,6 +14,14 @@ def judge(points_m):
     return judge_cloud_shape(points_m, find_roots(points_m))
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("count", [3, 500])
+def test_equal_points_have_no_shape(count):
+    points_m = np.ones((count, 3))
+    shape = judge_cloud_shape(points_m, points_m[:1])
+    assert (shape.kind, shape.planes, shape.length_m, shape.height_m) == (CloudKind.PLANT, 0, 0, 0)
+
+
 def tree(scale: float = 1.0) -> np.ndarray:
     return scale * cloud_of(small_tree(), per_m2=3000)
 

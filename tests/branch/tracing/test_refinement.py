@@ -207,6 +207,12 @@ def test_turns_are_those_of_the_curve():
     np.testing.assert_allclose(turns[1:399], np.arccos(cosine), rtol=1e-4)
 
 
+def test_vertices_at_one_place_have_the_turn_of_their_branch():
+    corner_m = np.array([[0, 0, 0], [0, 1, 0], [0, 1, 0], [0, 1, 0], [1, 1, 0], [1, 1, 0]], float)
+    plant = plant_of((corner_m, 0.1, None, 0), (np.array([[1, 1, 0], [1, 1, 1.0]]), 0.1, 0, 4))
+    np.testing.assert_allclose(turns_rad(plant), [0, 0, 0, np.pi / 2, 0, 0, 0, 0], atol=1e-12)
+
+
 def test_a_few_nodes_become_the_curve_that_they_are_of():
     """A polyline through 19 nodes of a helix is 13.6 mm off it; a spline is not."""
     plant = plant_of((helix(19), 0.02, None, 0))

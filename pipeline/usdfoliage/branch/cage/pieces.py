@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.pruning import pass_through
 from usdfoliage.geometry.smooth_mesh import refine_smooth
 
 THICKEST = 0.8  # of the radius of what a piece springs from, where it begins
@@ -145,14 +146,10 @@ def _begin_inside(
     """
     part = skeleton.branch(branch)
     points_m, radius_m = skeleton.points_m[part], skeleton.radius_m[part]
-    below, leaves = int(skeleton.parent_curve[branch]), int(skeleton.parent_vertex[branch])
-    added = 0
-    while below >= 0 and not standing[below]:
-        passed = np.arange(skeleton.first[below], leaves)  # the last of it is the branch's own first point
-        points_m = np.concatenate([skeleton.points_m[passed], points_m])
-        radius_m = np.concatenate([np.full(len(passed), radius_m[0]), radius_m])
-        added += len(passed)
-        leaves, below = int(skeleton.parent_vertex[below]), int(skeleton.parent_curve[below])
+    passed, below, leaves = pass_through(skeleton, branch, standing)
+    added = len(passed)
+    points_m = np.concatenate([skeleton.points_m[passed], points_m])
+    radius_m = np.concatenate([np.full(added, radius_m[0]), radius_m])
     if below < 0:
         return points_m, radius_m, added, 0
     walked_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points_m, axis=0), axis=1))])

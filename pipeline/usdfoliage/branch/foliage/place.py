@@ -5,7 +5,6 @@ nodes by the number of leaves at a node, their size, the angle to the stem and t
 follow each other at the species' internode from the tip of every shoot downwards, whatever points the skeleton has.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -74,7 +73,6 @@ def place_leaves(
     species: Species,
     rng: np.random.Generator,
     settings: FoliageSettings = FoliageSettings(),
-    bare: Sequence[int] = (),
 ) -> LeafPlaces:
     """Leaves on the shoots of a plant: the last stretch of every branch, where it is thin.
 
@@ -83,11 +81,9 @@ def place_leaves(
         species: How its leaves stand.
         rng: Of what makes them differ.
         settings: Which twigs carry leaves.
-        bare: Numbers of branches that carry none: those that nobody sees.
     """
     axes = _measure_axes(skeleton)
     nodes = _count_nodes(skeleton, axes, species, settings)
-    nodes[np.asarray(bare, np.int64)] = 0
     end = np.cumsum(nodes)
     total = int(end[-1]) if len(end) else 0
     kept = min(total, max(1, settings.max_leaves // species.leaves_per_node))

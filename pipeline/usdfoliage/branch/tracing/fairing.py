@@ -67,7 +67,8 @@ def fair_branches(
         skeleton: (V vertices).
         weight: (V,), how much a vertex is worth where it is; the ends of each branch have some.
         stiffness: (V,), weight of the second difference at a vertex.
-        max_moved_m: (V,), how far a vertex that has weight may be from where it was.
+        max_moved_m: (V,), how far a vertex that has weight may be from where it was. As with fair_axes, it is pulled
+            back the more the farther it would be, turn by turn: a few may end a little beyond it.
     """
     points_m = skeleton.points_m.copy()
     order_of = skeleton.order[skeleton.curve]

@@ -162,9 +162,14 @@ def _nodes_needed(
 
 
 def turns_rad(skeleton: Skeleton) -> NDArray[np.float64]:
-    """(V,) angle between the edge that ends at a vertex and the one that begins there, 0 at the ends of a branch."""
-    before_m = skeleton.edges_m
-    after_m = np.roll(before_m, -1, axis=0)
+    """(V,) angle between the edge that ends at a vertex and the one that begins there, 0 at the ends of a branch.
+
+    Of vertices at one place the last one has the turn.
+    """
+    after_m = np.roll(skeleton.edges_m, -1, axis=0)
+    has_edge = np.asarray(skeleton.edges_m.any(axis=1))
+    ends = np.where(has_edge, np.arange(len(has_edge)), skeleton.first[skeleton.curve])
+    before_m = skeleton.edges_m[np.maximum.accumulate(ends)]
     across = np.linalg.norm(np.cross(before_m, after_m), axis=1)
     return np.asarray(np.arctan2(across, np.einsum("vc,vc->v", before_m, after_m)))
 

@@ -91,7 +91,7 @@ def cut_sections(
     """Cut the plant into slices along its ways, and these where they do not hang together.
 
     Slices of branches that touch are one until the branches part. A section's parent is the one into which most of the
-    ways of its points lead; it is always of a slice nearer to the root.
+    ways of its points lead; as they are cut, that is of a slice nearer to the root.
 
     Args:
         points_m: (N, 3).
