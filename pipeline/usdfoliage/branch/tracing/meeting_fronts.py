@@ -6,7 +6,7 @@ outer part leaves the other branch, and an arm runs back from there. Where the p
 arm is cut off there and goes on from the tip that it meets, and what is in line with it goes with it.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 from usdfoliage.branch.tracing.axes import find_axes
 
-_ASKED = 4  # nearest nodes in line with a tip
+_ASKED = 4  # nearest nodes in line with a tip, and at the end of another branch
 _ROUNDS = 3  # where one arm is turned round, another may be found
 
 Point = NDArray[np.float64]
@@ -107,6 +107,29 @@ class _Tree:
             node = self.below_node[node]
         return found
 
+    def below_until(self, node: int, there: Mapping[int, int]) -> tuple[list[int], int]:
+        """The nodes from one on, on its path to the root, before the first of those that are there, and this; -1 where
+        none is."""
+        found = []
+        while node >= 0 and node not in there:
+            found.append(node)
+            node = self.below_node[node]
+        return found, node
+
+    def places_below(self, length_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(S, 3) so far (S,) below each node, or at its root."""
+        end_m = self.path_m - length_m
+        above = np.arange(len(self.parent))
+        below = above.copy()
+        moving = np.flatnonzero((self.parent >= 0) & (length_m > 0))
+        while len(moving):
+            above[moving] = below[moving]
+            below[moving] = self.parent[below[moving]]
+            moving = moving[(self.path_m[below[moving]] > end_m[moving]) & (self.parent[below[moving]] >= 0)]
+        step_m = self.path_m[above] - self.path_m[below]
+        share = np.clip((self.path_m[above] - end_m) / np.where(step_m > 0, step_m, 1.0), 0, 1)[:, None]
+        return np.asarray(self.center_m[above] + share * (self.center_m[below] - self.center_m[above]))
+
     def place_below(self, node: int, length_m: float) -> Point:
         """(3,) so far below a node, or at its root."""
         path = [node]
@@ -155,50 +178,47 @@ def _find_meetings(
     tree = cKDTree(axes_tree.center_m[axes_tree.nodes])
     along_m = np.maximum(settings.windows * window_m, settings.radii * radius_m)
     reach_m = np.maximum(settings.reach_windows * window_m, settings.reach_radii * radius_m)
-    behind_m = np.full(axes_tree.center_m.shape, np.nan)
-
-    def places_behind(nodes: NDArray[np.int64]) -> NDArray[np.float64]:
-        for node in nodes[np.isnan(behind_m[nodes, 0])].tolist():
-            behind_m[node] = axes_tree.place_below(node, float(along_m[node]))
-        return behind_m[nodes]
-
+    behind_m = axes_tree.places_below(along_m)
     meetings = []
     around = tree.query_ball_point(axes_tree.center_m[axes_tree.tips], reach_m[axes_tree.tips])
     for tip, near in zip(axes_tree.tips.tolist(), around, strict=True):
         best: _Meeting | None = None
-        there: dict[int, int] | None = None
+        down: list[int] = []  # from the tip,
+        there: dict[int, int] = {}  # and how far each node is on it
         others = axes_tree.nodes[near]
         others = others[others != tip]
-        own_m = places_behind(np.array([tip]))[0]
+        own_m = behind_m[tip]
         onwards = axes_tree.center_m[tip] - own_m
-        back = places_behind(others) - axes_tree.center_m[others]
+        back = behind_m[others] - axes_tree.center_m[others]
         across = behind_m[others] - own_m
-        turns = np.max([_angles(onwards, across), _angles(across, back), _angles(onwards, back)], axis=0)
+        led = np.broadcast_to(onwards, across.shape)
+        pairs = np.concatenate([led, across, led]), np.concatenate([across, back, back])
+        turns = _angles(*pairs).reshape(3, -1).max(axis=0, initial=0)
         gaps_m = np.linalg.norm(axes_tree.center_m[others] - axes_tree.center_m[tip], axis=1)
         nearest = np.argsort(gaps_m, kind="stable")
         asked = 0
         for index in nearest[turns[nearest] <= settings.in_line].tolist():
             other = int(others[index])
-            there = {node: k for k, node in enumerate(axes_tree.below(tip))} if there is None else there
-            path = axes_tree.below(other)
-            common = next((node for node in path if node in there), -1)
+            if not down:
+                down = axes_tree.below(tip)
+                there = {node: k for k, node in enumerate(down)}
+            second, common = axes_tree.below_until(other, there)
             if common < 0 or common in (tip, other):
                 continue
             lengths_m = axes_tree.path_m[[tip, other]] - axes_tree.path_m[common]
             if lengths_m.sum() < 4 * reach_m[tip] or lengths_m.min() < 0.7 * along_m[tip]:
                 continue
-            first = list(there)[: there[common]]
-            second = path[: path.index(common)]
+            first = down[: there[common]]
             # Of what is between the two nothing is to be left over.
             loss = float(turns[index] + settings.near * gaps_m[index] / along_m[tip])
             for end, arm in ((tip, second), (other, first)):
-                found = _cut_off(axes_tree, end, arm, loss, along_m, places_behind, settings)
+                found = _cut_off(axes_tree, end, arm, loss, float(along_m[arm[0]]), behind_m, settings)
                 if found is not None and (best is None or found.gain > best.gain):
                     best = found
             asked += 1
             if asked == _ASKED:
                 break
-        if best is not None and best.gain > settings.sharper:
+        if best is not None:
             meetings.append(best)
     return sorted(meetings, key=lambda meeting: -meeting.gain)
 
@@ -208,35 +228,31 @@ def _cut_off(
     tip: int,
     path: list[int],
     loss: float,
-    along_m: NDArray[np.float64],
-    places_behind: Callable[[NDArray[np.int64]], NDArray[np.float64]],
+    length_m: float,
+    behind_m: NDArray[np.float64],
     settings: FrontSettings,
 ) -> _Meeting | None:
-    """The arm at the end of a path, from where the path turns most sharply, not far from its end."""
-    best: _Meeting | None = None
-    length_m = along_m[path[0]]
-    for count in range(1, len(path) + 1):
-        fork = int(axes_tree.parent[path[count - 1]])
-        arc_m = axes_tree.path_m[path[0]] - axes_tree.path_m[fork]
-        if arc_m < 0.5 * length_m and count < len(path):
-            continue
-        ahead_m = _place_along(axes_tree.center_m, _next_nodes(fork, path, count), length_m)
-        into = axes_tree.center_m[fork] - places_behind(np.array([fork]))[0]
-        gain = _angle(into, ahead_m - axes_tree.center_m[fork]) - loss - settings.near * arc_m / length_m
-        if best is None or gain > best.gain:
-            best = _Meeting(
-                gain=gain, tip=tip, arm=path[:count], fork=fork, backwards=axes_tree.center_m[fork] - ahead_m
-            )
-        if np.pi - loss - settings.near * arc_m / length_m <= best.gain:
-            break  # no turn is sharper than back
-    return best
-
-
-def _next_nodes(fork: int, path: list[int], count: int) -> Iterator[int]:
-    """A fork, and the first nodes of a path, the last of them first."""
-    yield fork
-    for number in range(count - 1, -1, -1):
-        yield path[number]
+    """The arm at the end of a path, from where the path turns most sharply, not far from its end; None where it turns
+    nowhere so sharply that it is one."""
+    nodes = np.array([*path, axes_tree.below_node[path[-1]]])
+    arc_m = axes_tree.path_m[path[0]] - axes_tree.path_m[nodes]
+    # No turn is sharper than back.
+    may = np.pi - loss - settings.near * arc_m / length_m > settings.sharper
+    may &= arc_m >= 0.5 * length_m
+    may[-1] = True
+    may[0] = False
+    at = np.flatnonzero(may)
+    forks_m = axes_tree.center_m[nodes[at]]
+    place_m = np.maximum(arc_m[at] - length_m, 0.0)
+    ahead_m = np.stack([np.interp(place_m, arc_m, column) for column in axes_tree.center_m[nodes].T], axis=1)
+    turns = _angles(forks_m - behind_m[nodes[at]], ahead_m - forks_m)
+    gains = turns - loss - settings.near * arc_m[at] / length_m
+    best = int(gains.argmax())
+    if gains[best] <= settings.sharper:
+        return None
+    count = int(at[best])
+    backwards = forks_m[best] - ahead_m[best]
+    return _Meeting(gain=float(gains[best]), tip=tip, arm=path[:count], fork=int(nodes[count]), backwards=backwards)
 
 
 def _turn_round(
@@ -290,6 +306,6 @@ def _angle(one: Point, other: Point) -> float:
 
 def _angles(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N,) between directions (N, 3), or one (3,), and others (N, 3); of one without a length a right angle."""
-    lengths = np.linalg.norm(one, axis=-1) * np.linalg.norm(other, axis=-1)
+    lengths = np.sqrt((one * one).sum(axis=-1) * (other * other).sum(axis=-1))
     cosine = np.divide((one * other).sum(axis=-1), lengths, out=np.zeros(len(other)), where=lengths > 0)
-    return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
+    return np.asarray(np.arccos(np.minimum(np.maximum(cosine, -1), 1)))
