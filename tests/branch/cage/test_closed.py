@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from usdfoliage.branch.axis_places import axis_exits
 from usdfoliage.branch.cage import join
 from usdfoliage.branch.cage.build import build_branch_cage, check_cage
-from usdfoliage.branch.cage.closed import PlainChoice, build_with_twigs, close_branches, find_afloat
+from usdfoliage.branch.cage.closed import TwigChoice, build_with_twigs, close_branches, find_afloat
 from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.twigs import TwigSettings
@@ -30,8 +30,10 @@ def plant(twig_m=0.01, trunk_m=0.05):
     return plant_of((TRUNK, trunk_m, None, 0), (SIDE, twig_m, 0, 10), (end, twig_m / 2, 1, 2))
 
 
-def twigs(skeleton, plain, coarser=1.0):
-    choice = PlainChoice(plain=np.array(plain), gone=np.zeros(len(skeleton), bool), twigs=TwigSettings(coarser=coarser))
+def twigs(skeleton, is_twig, coarser=1.0):
+    choice = TwigChoice(
+        is_twig=np.array(is_twig), gone=np.zeros(len(skeleton), bool), twig_settings=TwigSettings(coarser=coarser)
+    )
     return build_with_twigs(skeleton, choice, BranchCageSettings(), axis_exits(skeleton))
 
 
@@ -117,7 +119,7 @@ def test_a_twig_that_goes_on_from_elsewhere_keeps_its_place_along_its_axis():
     outside = np.array([[0.03, 1.0, 0], [0.5, 1.1, 0]])
     skeleton = plant_of((TRUNK, 0.05, None, 0), (inside, 0.02, 0, 10), (outside, 0.01, 1, 1))
     closed = close_branches(skeleton, max_faces=150)
-    assert closed.plain.tolist() == [False, True]
+    assert closed.is_twig.tolist() == [False, True]
     st_m = closed.cage.st_m[closed.cage.face_st[closed.cage.curve == 1]]
     rows = st_m[st_m[..., 0].min(axis=1) >= 0, :, 1]
     assert rows.max() == pytest.approx(closed.skeleton.lengths_m[1])
@@ -158,7 +160,7 @@ def test_fewer_faces_leave_the_thick_branches_joined():
     whole = close_branches(tree)
     few = close_branches(tree, max_faces=len(whole.cage.faces) // 2)
     assert len(few.cage.faces) <= len(whole.cage.faces) // 2
-    assert few.thickest_plain_m > 0 or few.left_out
+    assert few.thickest_twig_m > 0 or few.left_out
 
 
 def test_the_same_tree_gives_the_same_surface():

@@ -44,12 +44,12 @@ THIN_M = 0.015  # radius of branches that may be lost where it is not sure that 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PlainChoice:
+class TwigChoice:
     """Which branches are twigs, which are left out, and how coarse twigs are."""
 
-    plain: NDArray[np.bool_]  # (B,)
+    is_twig: NDArray[np.bool_]  # (B,)
     gone: NDArray[np.bool_]  # (B,)
-    twigs: TwigSettings
+    twig_settings: TwigSettings
     tried: NDArray[np.int64] | None = None  # (B,), how often forks were tried in a surface of much the same branches
 
 
@@ -60,11 +60,11 @@ class ClosedBranches:
     skeleton: Skeleton
     cage: BranchCage
     settings: BranchCageSettings  # of what is joined
-    twigs: TwigSettings
+    twig_settings: TwigSettings
     number: NDArray[np.int32]  # (B,), of each branch that was given in the skeleton; -1 of one that is left out
     left_out: Mapping[DropReason, int]  # how many branches
-    plain: NDArray[np.bool_]  # (K,), branches that are twigs
-    thickest_plain_m: float  # radius up to which branches are twigs for the number of faces; 0 where there are enough
+    is_twig: NDArray[np.bool_]  # (K,)
+    thickest_twig_m: float  # radius up to which branches are twigs for the number of faces; 0 where there are enough
 
 
 def close_branches(
@@ -80,7 +80,7 @@ def close_branches(
     thickness_m = thickest_above(skeleton)
     exits = axis_exits(skeleton)
     none = np.zeros(len(skeleton), bool)
-    choice = PlainChoice(plain=none, gone=none, twigs=TwigSettings())
+    choice = TwigChoice(is_twig=none, gone=none, twig_settings=TwigSettings())
     fits = max_faces is None or len(skeleton) * FEWEST_JOINED <= max_faces
     if fits:
         cage = build_with_twigs(skeleton, choice, settings, exits)
@@ -89,18 +89,18 @@ def close_branches(
     if not fits and max_faces is not None:
         settings = replace(settings, lean=True)
         choice, cage = _fit_faces(skeleton, thickness_m, max_faces, settings, exits, choice.tried)
-    plain_m = float(thickness_m[choice.plain].max(initial=0))
+    twig_m = float(thickness_m[choice.is_twig].max(initial=0))
     closed = _leave_out(skeleton, cage, choice, settings)
-    lost, first = find_afloat(closed, ~closed.plain), closed  # of twigs the rest is drawn otherwise first
+    lost, first = find_afloat(closed, ~closed.is_twig), closed  # of twigs the rest is drawn otherwise first
     for _ in range(ASTRAY_ROUNDS):
         # As twigs they begin where they come out, or on the axes of their parents.
         astray = find_astray(closed)
         astray = np.append(astray | lost if closed is first else astray, False)[closed.number]
-        again = astray & (skeleton.parent_curve >= 0) & ~choice.plain
+        again = astray & (skeleton.parent_curve >= 0) & ~choice.is_twig
         if not again.any():
             break
-        plain = _with_carried(skeleton, choice.plain | again)
-        choice = replace(choice, plain=plain & ~choice.gone, tried=cage.tries)
+        is_twig = _with_carried(skeleton, choice.is_twig | again)
+        choice = replace(choice, is_twig=is_twig & ~choice.gone, tried=cage.tries)
         cage = build_with_twigs(skeleton, choice, settings, exits)
         closed = _leave_out(skeleton, cage, choice, settings)
     lost = find_afloat(closed)
@@ -112,7 +112,7 @@ def close_branches(
         if closed is before:  # nothing would be left
             break
         lost = find_afloat(closed, _beside_lost(before, closed))
-    return replace(closed, thickest_plain_m=plain_m)
+    return replace(closed, thickest_twig_m=twig_m)
 
 
 def _fit_faces(
@@ -122,7 +122,7 @@ def _fit_faces(
     settings: BranchCageSettings,
     exits: Exits,
     tried: NDArray[np.int64] | None,
-) -> tuple[PlainChoice, BranchCage]:
+) -> tuple[TwigChoice, BranchCage]:
     """Join as many branches as the number of faces allows, the thickest first; the others are twigs.
 
     With all branches as twigs, finer or coarser ones, it is known what is left for joining; at last the thinnest tips
@@ -134,7 +134,7 @@ def _fit_faces(
     left = list(COARSER)
     while left:
         coarser = left.pop(0)
-        choice = PlainChoice(plain=~rooted, gone=none, twigs=TwigSettings(coarser=coarser), tried=tried)
+        choice = TwigChoice(is_twig=~rooted, gone=none, twig_settings=TwigSettings(coarser=coarser), tried=tried)
         cage = build_with_twigs(skeleton, choice, settings, exits)
         if len(cage.faces) <= max_faces:
             return _join_thickest(skeleton, thickness_m, max_faces, settings, exits, (choice, cage))
@@ -145,7 +145,7 @@ def _fit_faces(
     for _ in range(ROUNDS):
         before = len(cage.faces), int(choice.gone.sum())
         gone = _thinnest_tips(skeleton, thickness_m, choice.gone, int(np.ceil((before[0] - max_faces) / each)))
-        choice = replace(choice, plain=~rooted & ~gone, gone=gone)
+        choice = replace(choice, is_twig=~rooted & ~gone, gone=gone)
         cage = build_with_twigs(skeleton, choice, settings, exits)
         if len(cage.faces) <= max_faces:
             break
@@ -159,8 +159,8 @@ def _join_thickest(
     max_faces: int,
     settings: BranchCageSettings,
     exits: Exits,
-    fits: tuple[PlainChoice, BranchCage],
-) -> tuple[PlainChoice, BranchCage]:
+    fits: tuple[TwigChoice, BranchCage],
+) -> tuple[TwigChoice, BranchCage]:
     """Join the thickest branches for the faces that are left; fits has none that is joined, and comes back if none can
     be."""
     each = EACH_JOINED
@@ -174,11 +174,11 @@ def _join_thickest(
             break
         # Of branches of one thickness all are twigs or none, so that what a twig carries is one.
         thinnest_m = ordered_m[min(wanted, len(may)) - 1]
-        plain = (skeleton.parent_curve >= 0) & (thickness_m < thinnest_m)
-        choice = replace(fits[0], plain=plain, tried=tried)
+        is_twig = (skeleton.parent_curve >= 0) & (thickness_m < thinnest_m)
+        choice = replace(fits[0], is_twig=is_twig, tried=tried)
         cage = build_with_twigs(skeleton, choice, settings, exits)
         tried = cage.tries
-        joined = int((~plain[may]).sum())
+        joined = int((~is_twig[may]).sum())
         if len(cage.faces) <= max_faces:
             if len(cage.faces) > len(best[1].faces):
                 best = choice, cage
@@ -199,7 +199,7 @@ def _thinnest_tips(
     return _with_carried(skeleton, left_out)  # of one thickness a parent may be one
 
 
-def build_with_twigs(skeleton: Skeleton, choice: PlainChoice, settings: BranchCageSettings, exits: Exits) -> BranchCage:
+def build_with_twigs(skeleton: Skeleton, choice: TwigChoice, settings: BranchCageSettings, exits: Exits) -> BranchCage:
     """The cage of the branches that are joined, and twigs drawn out of it; those left out are named in dropped.
 
     Args:
@@ -208,10 +208,10 @@ def build_with_twigs(skeleton: Skeleton, choice: PlainChoice, settings: BranchCa
         settings: How close the surface keeps to what is joined.
         exits: Of the skeleton, as axis_exits finds them.
     """
-    chosen = ~choice.plain & ~choice.gone
+    chosen = ~choice.is_twig & ~choice.gone
     thick = np.flatnonzero(chosen)
     number = np.cumsum(chosen) - 1
-    marks = mark_twigs(skeleton, choice.plain, exits)
+    marks = mark_twigs(skeleton, choice.is_twig, exits)
     on_thick = chosen[marks.branch]
     marks = RingMarks(branch=number[marks.branch[on_thick]], arc_m=marks.arc_m[on_thick])
     # What was given up beside other branches may be joined without them.
@@ -230,7 +230,7 @@ def build_with_twigs(skeleton: Skeleton, choice: PlainChoice, settings: BranchCa
         order=skeleton.order[thick[cage.curve]].astype(np.int32),
         tries=tries,
     )
-    if not choice.plain.any():
+    if not choice.is_twig.any():
         return replace(cage, dropped=_sorted(reasons))
     for last in (False,) * (SHORT_ROUNDS - 1) + (True,):
         stays = np.ones(len(skeleton), bool)
@@ -238,15 +238,15 @@ def build_with_twigs(skeleton: Skeleton, choice: PlainChoice, settings: BranchCa
         pruned = prune_branches(skeleton, stays)
         kept = np.flatnonzero(stays)
         pruned_exits = _carry_exits(exits, skeleton, pruned, kept)
-        short = kept[choice.plain[kept] & ~stand_out(pruned.skeleton, pruned_exits)]
+        short = kept[choice.is_twig[kept] & ~stand_out(pruned.skeleton, pruned_exits)]
         if last or not len(short):
             break
         reasons |= dict.fromkeys(short.tolist(), DropReason.TOO_SHORT)
     back = replace(cage, curve=pruned.number[cage.curve], fork_curve=pruned.number[cage.fork_curve], loose=())
-    drawn = draw_twigs(pruned.skeleton, choice.plain[kept], back, pruned_exits, choice.twigs)
+    drawn = draw_twigs(pruned.skeleton, choice.is_twig[kept], back, pruned_exits, choice.twig_settings)
     # As the skeleton that was given has them: a branch begins at its own first point.
     # What is joined does so already.
-    later_m = np.where(choice.plain[kept], pruned.prefix_m, 0.0)[drawn.curve]
+    later_m = np.where(choice.is_twig[kept], pruned.prefix_m, 0.0)[drawn.curve]
     st_m = _begin_earlier(drawn.st_m, drawn.face_st, -later_m)
     numbered = replace(
         drawn,
@@ -347,7 +347,7 @@ def _faces_near(cage: BranchCage, mine: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _leave_out(
-    skeleton: Skeleton, cage: BranchCage, choice: PlainChoice, settings: BranchCageSettings
+    skeleton: Skeleton, cage: BranchCage, choice: TwigChoice, settings: BranchCageSettings
 ) -> ClosedBranches:
     """Leave out of the skeleton what the cage lacks."""
     left_out = Counter(each.reason for each in cage.dropped)
@@ -358,11 +358,11 @@ def _leave_out(
             skeleton=skeleton,
             cage=cage,
             settings=settings,
-            twigs=choice.twigs,
+            twig_settings=choice.twig_settings,
             number=np.arange(len(skeleton), dtype=np.int32),
             left_out=left_out,
-            plain=choice.plain,
-            thickest_plain_m=0,
+            is_twig=choice.is_twig,
+            thickest_twig_m=0,
         )
     pruned = prune_branches(skeleton, stays)
     curve = pruned.number[cage.curve]
@@ -379,11 +379,11 @@ def _leave_out(
             loose=tuple(pruned.number[list(cage.loose)].tolist()) if cage.loose else (),
         ),
         settings=settings,
-        twigs=choice.twigs,
+        twig_settings=choice.twig_settings,
         number=pruned.number,
         left_out=left_out,
-        plain=choice.plain[stays],
-        thickest_plain_m=0,
+        is_twig=choice.is_twig[stays],
+        thickest_twig_m=0,
     )
 
 
@@ -437,7 +437,7 @@ def _without(closed: ClosedBranches, lost: NDArray[np.bool_]) -> ClosedBranches:
             )
         ),
         number=known,
-        plain=closed.plain[~gone],
+        is_twig=closed.is_twig[~gone],
         left_out=Counter(closed.left_out) + Counter({DropReason.AFLOAT: int(gone.sum())}),
     )
 

@@ -94,9 +94,9 @@ def count_rows(skeleton: Skeleton, settings: TwigSettings = TwigSettings()) -> F
     return measure[skeleton.first + skeleton.counts - 1] - measure[skeleton.first]
 
 
-def mark_twigs(skeleton: Skeleton, plain: NDArray[np.bool_], exits: Exits) -> RingMarks:
+def mark_twigs(skeleton: Skeleton, is_twig: NDArray[np.bool_], exits: Exits) -> RingMarks:
     """Rings on both sides of each twig, on what it springs from."""
-    twig = np.flatnonzero(plain & (skeleton.parent_curve >= 0))
+    twig = np.flatnonzero(is_twig & (skeleton.parent_curve >= 0))
     parent = skeleton.parent_curve[twig]
     # Twigs that leave close together have rings in common: those of even steps along their parent.
     step_m = STEP * skeleton.radius_m[skeleton.parent_vertex[twig]]
@@ -108,7 +108,7 @@ def mark_twigs(skeleton: Skeleton, plain: NDArray[np.bool_], exits: Exits) -> Ri
 
 def draw_twigs(
     skeleton: Skeleton,
-    plain: NDArray[np.bool_],
+    is_twig: NDArray[np.bool_],
     cage: BranchCage,
     exits: Exits,
     settings: TwigSettings = TwigSettings(),
@@ -117,16 +117,16 @@ def draw_twigs(
 
     Args:
         skeleton: All branches, which stand out of what they spring from; metres.
-        plain: (B,), those that are twigs; what one of them carries is one of them, too.
+        is_twig: (B,), those that are twigs; what one of them carries is one of them, too.
         cage: The surface of the others.
         exits: Where axes come out of what they spring from.
         settings: How closely twigs follow their axes.
     """
-    marks = mark_twigs(skeleton, plain, exits)
+    marks = mark_twigs(skeleton, is_twig, exits)
     mesh = _begin_mesh(cage)
     pieces: list[int] = []
-    for order in np.unique(skeleton.order[plain]).tolist():
-        curves = np.flatnonzero(plain & (skeleton.order == order))
+    for order in np.unique(skeleton.order[is_twig]).tolist():
+        curves = np.flatnonzero(is_twig & (skeleton.order == order))
         faces = _choose_faces(skeleton, curves, exits, mesh)
         pieces += curves[faces < 0].tolist()
         stations = _place_rings(skeleton, curves, faces >= 0, exits, marks, settings)

@@ -6,7 +6,7 @@ import numpy as np
 
 from usdfoliage.branch.axis_places import axis_exits
 from usdfoliage.branch.cage.build import BranchCage
-from usdfoliage.branch.cage.closed import ClosedBranches, PlainChoice, build_with_twigs, close_branches
+from usdfoliage.branch.cage.closed import ClosedBranches, TwigChoice, build_with_twigs, close_branches
 from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.model import Skeleton
@@ -55,9 +55,11 @@ def build_surfaces(skeleton: Skeleton, max_faces: int = MAX_FACES) -> MadeSurfac
 def _build_up_to(closed: ClosedBranches, order: int) -> BranchCage:
     """The surface of the branches up to an order, twigs where the whole has them."""
     skeleton = closed.skeleton.up_to_order(order)
-    plain = closed.plain[closed.skeleton.order <= order]
+    is_twig = closed.is_twig[closed.skeleton.order <= order]
     tried = None if closed.cage.tries is None else closed.cage.tries[closed.skeleton.order <= order]
-    choice = PlainChoice(plain=plain, gone=np.zeros(len(skeleton), bool), twigs=closed.twigs, tried=tried)
+    choice = TwigChoice(
+        is_twig=is_twig, gone=np.zeros(len(skeleton), bool), twig_settings=closed.twig_settings, tried=tried
+    )
     return build_with_twigs(skeleton, choice, closed.settings, axis_exits(skeleton))
 
 
@@ -74,9 +76,9 @@ def _describe(closed: ClosedBranches, given: int) -> list[Remark]:
             "each begins a closed piece of its own inside it"
         )
         remarks.append(remark("branches-beside-parent", text))
-    if closed.thickest_plain_m:
+    if closed.thickest_twig_m:
         text = (
-            f"branches of up to {2000 * closed.thickest_plain_m:.3g} mm across have four sides, so that the surface "
+            f"branches of up to {2000 * closed.thickest_twig_m:.3g} mm across have four sides, so that the surface "
             f"has {len(closed.cage.faces):,} faces"
         )
         remedy = ("give ", Setting(name="branches.max_faces"), " where more may be drawn")
