@@ -163,6 +163,28 @@ def test_fewer_faces_leave_the_thick_branches_joined():
     assert few.thickest_twig_m > 0 or few.left_out
 
 
+def test_a_fork_beside_a_twig_is_as_large_as_without_it():
+    """Of three forks of a trunk that crossed each other, one is a twig's."""
+    skeleton = random_tree(7, 20, True)
+    exits, none = axis_exits(skeleton), np.zeros(len(skeleton), bool)
+    choice = TwigChoice(is_twig=none, gone=none, twig_settings=TwigSettings())
+    joined = build_with_twigs(skeleton, choice, BranchCageSettings(), exits)
+    assert joined.tries is not None
+    assert (joined.tries[[1, 2, 14]] > 0).all()
+    is_twig = none.copy()
+    for branch, parent in enumerate(skeleton.parent_curve.tolist()):  # parents first
+        is_twig[branch] = branch == 2 or (parent >= 0 and is_twig[parent])
+    free, later = (
+        build_with_twigs(skeleton, replace(choice, is_twig=is_twig, tried=tried), BranchCageSettings(), exits)
+        for tried in (None, joined.tries)
+    )
+    assert free.tries is not None
+    assert later.tries is not None
+    assert np.array_equal(free.tries, later.tries)
+    assert np.array_equal(free.points_m, later.points_m)
+    assert later.tries[1] < joined.tries[1]
+
+
 def test_the_same_tree_gives_the_same_surface():
     one, two = (close_branches(random_tree(7, 20), max_faces=700) for _ in range(2))
     assert np.array_equal(one.cage.points_m, two.cage.points_m)

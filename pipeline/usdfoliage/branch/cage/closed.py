@@ -214,10 +214,9 @@ def build_with_twigs(skeleton: Skeleton, choice: TwigChoice, settings: BranchCag
     marks = mark_twigs(skeleton, choice.is_twig, exits)
     on_thick = chosen[marks.branch]
     marks = RingMarks(branch=number[marks.branch[on_thick]], arc_m=marks.arc_m[on_thick])
-    # What was given up beside other branches may be joined without them.
-    tried = None if choice.tried is None else np.where(choice.tried >= ATTEMPTS, 0, choice.tried)[thick]
-    cage = build_branch_cage(skeleton.only(chosen), settings, marks, tried)
-    tries = np.zeros(len(skeleton), np.int64) if choice.tried is None else choice.tried.copy()
+    known = None if choice.tried is None else _forget_tries(skeleton, choice.tried, chosen)
+    cage = build_branch_cage(skeleton.only(chosen), settings, marks, None if known is None else known[thick])
+    tries = np.zeros(len(skeleton), np.int64) if known is None else known
     if cage.tries is not None:
         tries[thick] = cage.tries
     reasons = {int(thick[each.curve]): each.reason for each in cage.dropped}
@@ -258,6 +257,21 @@ def build_with_twigs(skeleton: Skeleton, choice: TwigChoice, settings: BranchCag
         dropped=_sorted(reasons),
     )
     return _only_used(numbered)
+
+
+def _forget_tries(skeleton: Skeleton, tried: NDArray[np.int64], joined: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(B,) how often forks were tried, without what was tried (B,) for the sake of branches that are not joined now.
+
+    Beside a fork that crossed others and is none any more there is more room, for what was given up as well.
+    """
+    free = np.where(tried >= ATTEMPTS, 0, tried)
+    has_parent = skeleton.parent_curve >= 0
+    crossed = ~joined & (tried > 0) & has_parent
+    beside = np.zeros(len(skeleton) + 1, bool)  # a parent's branches; the last is for those without one
+    beside[skeleton.parent_curve[crossed]] = True
+    free[~joined | (beside[skeleton.parent_curve] & has_parent)] = 0
+    free[skeleton.parent_curve[crossed]] = 0
+    return free
 
 
 def _carry_exits(exits: Exits, skeleton: Skeleton, pruned: PrunedSkeleton, kept: NDArray[np.int64]) -> Exits:
