@@ -7,13 +7,20 @@ import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.chunks import PART_POINTS, CloudPart, CloudParts
+from usdfoliage.capture.cloud_files.ply_header import (
+    PlyElement,
+    PlyHeader,
+    PlyProperty,
+    find_vertices,
+    read_header,
+)
 from usdfoliage.capture.cloud_files.units import find_stated_unit, find_stated_up
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.atomic import whole_file
@@ -22,19 +29,11 @@ from usdfoliage.files.reading import open_regular
 logger = logging.getLogger(__name__)
 
 GREY = 128  # of points whose file has no colours
-MAX_HEADER_BYTES = 1 << 20
-MAX_PROPERTIES = 1000
 MAX_LIST = 1 << 16  # numbers in a list of one row
 _CHUNK = 1 << 20  # points that are packed at once
 _ROUNDING = 2.0**-24  # of float32, relative
 _OF_SPACING = 1e-3  # share of the distance between points that rounding may move them
 
-_TYPES: Mapping[str, str] = {
-    **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
-    **{"float": "f4", "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2"},
-    **{"int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "float32": "f4", "float64": "f8"},
-}
-_ORDERS: Mapping[str, str] = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
 # What programs call the same, the most common name first.
 _PLACE = (("x",), ("y",), ("z",))
 _NORMAL = (("nx", "normal_x"), ("ny", "normal_y"), ("nz", "normal_z"))
@@ -53,24 +52,6 @@ class CloudFile:
     has_confidence: bool  # else it is 1
     has_views: bool  # else it is 1
     not_finite: int  # points left out because a coordinate was not
-
-
-class _Property(NamedTuple):
-    name: str  # in small letters
-    type: str  # numpy's, without byte order
-    count_type: str | None  # of a list's length; None for a single number
-
-
-class _Element(NamedTuple):
-    name: str
-    rows: int
-    properties: tuple[_Property, ...]
-
-
-class _Header(NamedTuple):
-    order: str  # of bytes, numpy's; "" for text
-    elements: tuple[_Element, ...]
-    comments: tuple[str, ...]
 
 
 def write_cloud(path: Path, cloud: Cloud, comments: Sequence[str] = (), metres_per_unit: float = 1.0) -> None:
@@ -166,7 +147,7 @@ def read_cloud_file(path: Path, metres_per_unit: float = 1.0) -> CloudFile:
         raise CaptureError(f"{path} does not exist or is no file", "give a cloud in PLY")
     try:
         with open_regular(path) as file:
-            header = _read_header(path, file)
+            header = read_header(path, file)
             columns, count = _read_vertices(path, file, header)
     except OSError as error:
         raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
@@ -199,23 +180,23 @@ def open_cloud_parts(path: Path) -> CloudParts:
     )
 
 
-def _open_vertices(path: Path) -> tuple[_Header, _Element]:
+def _open_vertices(path: Path) -> tuple[PlyHeader, PlyElement]:
     """The header, and of its elements the vertices, which are complete as far as the file's size shows."""
     if not path.is_file():
         raise CaptureError(f"{path} does not exist or is no file", "give a cloud in PLY")
     try:
         with open_regular(path) as file:
-            header = _read_header(path, file)
+            header = read_header(path, file)
             file.seek(0, 2)
     except OSError as error:
         raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
-    return header, _find_vertices(path, header)
+    return header, find_vertices(path, header)
 
 
-def _read_parts(path: Path, header: _Header, has_colors: bool) -> Iterator[CloudPart]:
+def _read_parts(path: Path, header: PlyHeader, has_colors: bool) -> Iterator[CloudPart]:
     try:
         with open_regular(path) as file:
-            _read_header(path, file)  # to where the data begin
+            read_header(path, file)  # to where the data begin
             for element in header.elements:
                 wanted = element.name == "vertex"
                 for first, columns in _read_element_parts(path, file, element, header.order, wanted):
@@ -233,7 +214,7 @@ def _read_parts(path: Path, header: _Header, has_colors: bool) -> Iterator[Cloud
 
 
 def _read_element_parts(
-    path: Path, file: BinaryIO, element: _Element, order: str, wanted: bool
+    path: Path, file: BinaryIO, element: PlyElement, order: str, wanted: bool
 ) -> Iterator[tuple[int, dict[str, NDArray[np.generic]]]]:
     """The rows of an element in parts, with the number of each part's first; none where they are not wanted."""
     has_lists = any(one.count_type for one in element.properties)
@@ -254,67 +235,9 @@ def _read_element_parts(
             raise _truncated(path, element, first + error.found) from error
 
 
-def _read_header(path: Path, file: BinaryIO) -> _Header:
-    """Leaves the file where the data begin."""
-    lines = _header_lines(path, file)
-    order: str | None = None
-    elements: list[tuple[str, int, list[_Property]]] = []
-    comments = []
-    for number, line in enumerate(lines, 2):
-        words = line.split()
-        if not words or words[0] in ("comment", "obj_info"):
-            comments.append(" ".join(words[1:]))
-            continue
-        try:
-            if words[0] == "format":
-                order = _ORDERS[words[1]]
-            elif words[0] == "element":
-                elements.append((words[1], _count_of(words[2]), []))
-            elif words[0] == "property":
-                elements[-1][2].append(_property_of(words))
-            else:
-                raise ValueError
-        except (IndexError, KeyError, ValueError) as error:
-            raise CaptureError(f"{path}:{number} {line[:60]!r} is no line of a PLY header", "write it again") from error
-        if sum(len(properties) for _, _, properties in elements) > MAX_PROPERTIES:
-            raise CaptureError(f"{path} has more than {MAX_PROPERTIES} properties", "write it again with fewer")
-    if order is None:
-        raise CaptureError(f"{path} does not state its format", "write it again as binary_little_endian")
-    named = tuple(_Element(name, count, tuple(properties)) for name, count, properties in elements)
-    return _Header(order, named, tuple(comments))
-
-
-def _header_lines(path: Path, file: BinaryIO) -> list[str]:
-    """What stands between the first line, ply, and end_header."""
-    start = file.read(MAX_HEADER_BYTES)
-    if start[:3] != b"ply" or start[3:4] not in (b"\n", b"\r"):
-        raise CaptureError(f"{path} is no PLY file: it begins with {start[:8]!r}", "give a cloud in PLY")
-    ending = b"\r\n" if start[3:5] == b"\r\n" else start[3:4]
-    at = start.find(ending + b"end_header" + ending)
-    if at < 0:
-        raise CaptureError(f"{path} has no end_header in its first {len(start):,} bytes", "copy it again")
-    file.seek(at + len(b"end_header") + 2 * len(ending))
-    return start[3 + len(ending) : at].decode("latin-1").split(ending.decode("ascii")) if at > 3 else []
-
-
-def _count_of(word: str) -> int:
-    if not (word.isascii() and word.isdigit() and len(word) <= 18):
-        raise ValueError
-    return int(word)
-
-
-def _property_of(words: list[str]) -> _Property:
-    if words[1] == "list":
-        count_type = _TYPES[words[2]]
-        if count_type.startswith("f"):
-            raise ValueError
-        return _Property(words[4].lower(), _TYPES[words[3]], count_type)
-    return _Property(words[2].lower(), _TYPES[words[1]], None)
-
-
-def _read_vertices(path: Path, file: BinaryIO, header: _Header) -> tuple[dict[str, NDArray[np.generic]], int]:
+def _read_vertices(path: Path, file: BinaryIO, header: PlyHeader) -> tuple[dict[str, NDArray[np.generic]], int]:
     """The single numbers of the vertices by their names, each (N,), and N."""
-    vertices = _find_vertices(path, header)
+    vertices = find_vertices(path, header)
     for element in header.elements:
         columns = _read_element(path, file, element, header.order, element is vertices)
         if element is vertices:
@@ -322,18 +245,8 @@ def _read_vertices(path: Path, file: BinaryIO, header: _Header) -> tuple[dict[st
     raise AssertionError("an element vertex was looked for above")
 
 
-def _find_vertices(path: Path, header: _Header) -> _Element:
-    vertices = next((element for element in header.elements if element.name == "vertex"), None)
-    if vertices is None:
-        raise CaptureError(f"{path} has no element vertex, but {_names(header.elements)}", "give a cloud")
-    names = {one.name for one in vertices.properties if one.count_type is None}
-    if not {"x", "y", "z"} <= names:
-        raise CaptureError(f"the vertices of {path} have {', '.join(sorted(names)) or 'nothing'}, but no x, y and z")
-    return vertices
-
-
 def _read_element(
-    path: Path, file: BinaryIO, element: _Element, order: str, wanted: bool
+    path: Path, file: BinaryIO, element: PlyElement, order: str, wanted: bool
 ) -> dict[str, NDArray[np.generic]]:
     if not order:
         return _read_text(path, file, element, wanted)
@@ -342,12 +255,8 @@ def _read_element(
     return _read_rows(path, file, element, order, wanted)
 
 
-def _names(elements: Sequence[_Element]) -> str:
-    return ", ".join(element.name for element in elements[:5]) or "nothing"
-
-
 def _read_rows(
-    path: Path, file: BinaryIO, element: _Element, order: str, wanted: bool
+    path: Path, file: BinaryIO, element: PlyElement, order: str, wanted: bool
 ) -> dict[str, NDArray[np.generic]]:
     """Rows of one size."""
     row = _row_type(element.properties, order, {})
@@ -361,7 +270,7 @@ def _read_rows(
 
 
 def _read_lists(
-    path: Path, file: BinaryIO, element: _Element, order: str, wanted: bool
+    path: Path, file: BinaryIO, element: PlyElement, order: str, wanted: bool
 ) -> dict[str, NDArray[np.generic]]:
     """Rows with lists in them: at once where all lists are as long as those of the first row, as in most files."""
     start = file.tell()
@@ -390,7 +299,7 @@ def _read_lists(
 
 
 def _measure_row(
-    path: Path, data: bytes, at: int, element: _Element, order: str, number: int
+    path: Path, data: bytes, at: int, element: PlyElement, order: str, number: int
 ) -> tuple[dict[int, int], int]:
     """How long the lists of one row are, by the property's number, and how many bytes the row has."""
     lengths: dict[int, int] = {}
@@ -415,7 +324,7 @@ def _measure_row(
     return lengths, at - start
 
 
-def _row_type(properties: Sequence[_Property], order: str, lengths: Mapping[int, int]) -> np.dtype[np.void]:
+def _row_type(properties: Sequence[PlyProperty], order: str, lengths: Mapping[int, int]) -> np.dtype[np.void]:
     """Fields are called by their number: two properties may have one name."""
     fields: list[tuple[str, DTypeLike] | tuple[str, DTypeLike, tuple[int]]] = []
     for number, one in enumerate(properties):
@@ -427,7 +336,7 @@ def _row_type(properties: Sequence[_Property], order: str, lengths: Mapping[int,
     return np.dtype(fields)
 
 
-def _columns(rows: NDArray[np.void], properties: Sequence[_Property]) -> dict[str, NDArray[np.generic]]:
+def _columns(rows: NDArray[np.void], properties: Sequence[PlyProperty]) -> dict[str, NDArray[np.generic]]:
     columns: dict[str, NDArray[np.generic]] = {}
     for number, one in enumerate(properties):
         if one.count_type is None:
@@ -435,7 +344,7 @@ def _columns(rows: NDArray[np.void], properties: Sequence[_Property]) -> dict[st
     return columns
 
 
-def _read_text(path: Path, file: BinaryIO, element: _Element, wanted: bool) -> dict[str, NDArray[np.generic]]:
+def _read_text(path: Path, file: BinaryIO, element: PlyElement, wanted: bool) -> dict[str, NDArray[np.generic]]:
     """Rows of text, a line each."""
     left = _bytes_left(file)
     if element.rows * 2 * max(len(element.properties), 1) > left + 1:  # a digit and what parts it from the next
@@ -472,7 +381,7 @@ def _read_text(path: Path, file: BinaryIO, element: _Element, wanted: bool) -> d
     return columns
 
 
-def _single_numbers(words: list[bytes], properties: Sequence[_Property]) -> list[float]:
+def _single_numbers(words: list[bytes], properties: Sequence[PlyProperty]) -> list[float]:
     """The numbers of a line that are in no list."""
     numbers, at = [], 0
     for one in properties:
@@ -502,7 +411,7 @@ class _TruncatedError(CaptureError):
     found: int
 
 
-def _truncated(path: Path, element: _Element, found: int) -> _TruncatedError:
+def _truncated(path: Path, element: PlyElement, found: int) -> _TruncatedError:
     error = _TruncatedError(
         f"{path} is truncated: its header states {element.rows:,} rows of {element.name}, there are at most {found:,}",
         "copy it again",
