@@ -72,16 +72,26 @@ def test_long_edges_are_split_evenly_and_what_springs_from_their_ends_still_does
 def test_of_a_straight_branch_the_ends_and_the_forks_stay():
     trunk_m, radius_m = line([0, 0, 0], [0, 2, 0], 41), np.linspace(0.1, 0.05, 41)
     twig_m = line(trunk_m[13], trunk_m[13] + [1, 0, 0], 11)
-    plant = collapse_nodes(plant_of((trunk_m, radius_m, None, 0), (twig_m, 0.01, 0, 13)), 0.05)
+    of_any_length = RefinementSettings(longest=100)
+    plant = collapse_nodes(plant_of((trunk_m, radius_m, None, 0), (twig_m, 0.01, 0, 13)), 0.05, of_any_length)
     assert plant.counts.tolist() == [3, 2]
     np.testing.assert_allclose(plant.points_m[:3], trunk_m[[0, 13, 40]])
     np.testing.assert_allclose(plant.radius_m[:3], radius_m[[0, 13, 40]])
     assert plant.parent_vertex.tolist() == [-1, 1]
 
 
+@pytest.mark.parametrize(("radius_m", "longest_m"), [(0.01, 0.4), (0.1, 0.8)])
+def test_an_edge_of_a_straight_branch_is_no_longer_than_its_internodes_or_its_radius_allow(radius_m, longest_m):
+    trunk_m = line([0, 0, 0], [0, 4, 0], 401)
+    plant = collapse_nodes(plant_of((trunk_m, radius_m, None, 0)), 0.05)
+    edges_m = np.diff(plant.points_m[:, 1])
+    assert edges_m.max() <= longest_m + 0.011
+    assert len(edges_m) <= np.ceil(4 / longest_m) + 1
+
+
 def test_a_change_of_radius_stays():
     radius_m = np.where(np.arange(11) < 5, 0.1, 0.05)
-    plant = collapse_nodes(plant_of((line([0, 0, 0], [0, 1, 0], 11), radius_m, None, 0)), 0.05)
+    plant = collapse_nodes(plant_of((line([0, 0, 0], [0, 1, 0], 11), radius_m, None, 0)), 0.2)
     assert plant.points_m[:, 1] == pytest.approx([0, 0.4, 0.5, 1])
 
 
@@ -274,7 +284,7 @@ def test_straight_branches_stay_however_uneven_their_vertices_are():
     plant = plant_of((at[:, None] * [0.3, 1, 0.1], 0.02, None, 0))
     fair = draw_fair(plant, 0.05, 0.01)
     assert off_polyline(fair.points_m, plant.points_m).max() < 1e-6
-    assert refine_branches(plant, 0.05).counts.tolist() == [2]
+    assert refine_branches(plant, 0.3).counts.tolist() == [2]
 
 
 @pytest.mark.parametrize(

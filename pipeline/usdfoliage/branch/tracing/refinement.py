@@ -29,6 +29,8 @@ class RefinementSettings:
     shortest: float = 0.04  # internodes, that such a piece is long at least,
     shortest_radii: float = 0.1  # and of its radius
     max_turn_deg: float = 5.0  # that a branch turns along an edge
+    longest: float = 8.0  # internodes, that an edge is long at most, however straight: where wind bends a branch,
+    longest_radii: float = 8.0  # and where a hand takes hold of it; or this of its radius, if that is more
     max_moved: float = 0.05  # of the radius, by which a branch may move where a node goes
     min_moved: float = 0.04  # internodes, that it may move however thin it is
     radius_change: float = 0.05  # of the radius
@@ -39,6 +41,8 @@ class RefinementSettings:
             raise ValueError(f"what a branch may move and change must not be below 0, not {self}")
         if not (self.stiffness >= 0 and self.max_shifted > 0 and self.pieces >= 1):
             raise ValueError(f"stiffness must not be below 0, max_shifted above 0, pieces at least 1, not {self}")
+        if not (self.longest > 0 and self.longest_radii >= 0):
+            raise ValueError(f"longest must be above 0, longest_radii not below, not {self}")
         if not self.max_turn_deg > 0:
             raise ValueError(f"max_turn_deg must be above 0, not {self.max_turn_deg:g}")
         if not 0 < self.sharpest_deg <= 180:
@@ -133,6 +137,10 @@ def _nodes_needed(
     kept |= fixed & (turns > _STRAIGHT)
     turned = np.cumsum(turns) / np.radians(settings.max_turn_deg)
     step = np.floor(turned - turned[skeleton.first][skeleton.curve])
+    kept[1:] |= (step[1:] > step[:-1]) & (skeleton.curve[1:] == skeleton.curve[:-1])
+    longest_m = np.maximum(settings.longest * internode_m, settings.longest_radii * skeleton.radius_m)
+    edges = np.cumsum(np.linalg.norm(skeleton.edges_m, axis=1) / longest_m)
+    step = np.floor(edges - edges[skeleton.first][skeleton.curve])
     kept[1:] |= (step[1:] > step[:-1]) & (skeleton.curve[1:] == skeleton.curve[:-1])
     # As D. Douglas and T. Peucker, 1973, with the radius as a further coordinate, of all edges at once.
     while True:
