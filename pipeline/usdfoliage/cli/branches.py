@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_tracing(parser: argparse._ActionsContainer) -> None:
     from usdfoliage.asset.parts.branch_part import BranchAssetSettings
     from usdfoliage.branch.tracing.reconstruct import BranchSettings
-    from usdfoliage.jobs.branches.regrowth import MAX_VARIATIONS, METHODS, RegrowthRequest
+    from usdfoliage.jobs.branches.regrowth import MAX_SPREAD, MAX_VARIATIONS, METHODS, RegrowthRequest
     from usdfoliage.jobs.branches.surfaces import FACES_A_POINT, MAX_FACES, MIN_FACES, MIN_MAX_FACES
     from usdfoliage.jobs.plant_cloud import MIN_POINTS, PlantCloudRequest
 
@@ -110,8 +110,15 @@ def _add_tracing(parser: argparse._ActionsContainer) -> None:
         metavar="N",
         type=int,
         default=RegrowthRequest.variations,
-        help="So many further plants grow through the same cloud with slightly different parameters, from 0 to "
-        f"{MAX_VARIATIONS}; the default is %(default)s.",
+        help=f"So many further plants like this one grow, from 0 to {MAX_VARIATIONS}; the default is %(default)s.",
+    )
+    parser.add_argument(
+        "--variation-spread",
+        metavar="SHARE",
+        type=float,
+        default=RegrowthRequest.variation_spread,
+        help="How much these differ in height, crown, limbs and stem: 1, the default, as trees of one stand do; 0 "
+        f"within the outline of the plant; {MAX_SPREAD:g} at most.",
     )
     parser.add_argument(
         "--bark-color",

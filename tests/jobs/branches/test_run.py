@@ -155,6 +155,8 @@ def test_branches_and_similar_plants_can_be_grown(tmp_path, rng, capsys):
         "grow",
         "--variations",
         "2",
+        "--variation-spread",
+        "0",
         "--seed",
         "4",
         "--no-preview",
@@ -188,6 +190,20 @@ def test_branches_and_similar_plants_can_be_grown(tmp_path, rng, capsys):
     assert named == {"out", "out_01", "out_02"}
 
 
+def test_variations_of_a_stand_differ_in_height_and_are_whole(tmp_path, rng, capsys):
+    cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[::3])
+    options = ["--variations", "2", "--seed", "4", "--no-preview", "--up", "Z", "--internode", "0.05"]
+    assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *options]) == 0
+    assert "of their own envelopes" in capsys.readouterr().out
+    assets = [tmp_path / "out" / "variations" / name / f"{name}.usda" for name in ("out_01", "out_02")]
+    points = [skeleton_points(asset) for asset in assets]
+    heights_m = [float(each[:, 1].max()) for each in points]
+    assert abs(heights_m[0] - heights_m[1]) > 0.02 * HEIGHT_M
+    assert all(0.6 * HEIGHT_M < height_m < 1.5 * HEIGHT_M for height_m in heights_m)
+    assert all(np.linalg.norm(each, axis=1).min() < 0.1 for each in points)  # the root stays
+    assert main(["validate", str(assets[0])]) == 0
+
+
 def test_of_two_trees_that_at_the_given_root_is_traced(tmp_path, rng, capsys):
     one = y_tree(rng)[::3]
     cloud = write_xyz(tmp_path / "two.xyz", np.concatenate([one, np.add(one, [5, 0, 0])]))
@@ -210,7 +226,18 @@ def test_similar_plants_fill_what_the_crown_hides_as_well(tmp_path, rng):
     cloud = write_xyz(tmp_path / "tree.xyz", closed_crown(rng))
     inside = []
     for name, filled in (("shell", []), ("full", ["--fill-hidden"])):
-        options = ["--variations", "1", "--no-preview", "--up", "Z", "--internode", "0.06", *filled]
+        options = [
+            "--variations",
+            "1",
+            "--variation-spread",
+            "0",
+            "--no-preview",
+            "--up",
+            "Z",
+            "--internode",
+            "0.06",
+            *filled,
+        ]
         assert main(["branches", str(cloud), "-o", str(tmp_path / name), *options]) == 0
         points = skeleton_points(tmp_path / name / "variations" / f"{name}_01" / f"{name}_01.usda")
         inside.append(int((np.linalg.norm(points - [0, 1.3, 0], axis=1) < 0.3).sum()))
@@ -295,7 +322,14 @@ def test_a_crown_that_hides_its_inside_is_filled_and_an_open_one_is_not(tmp_path
 
 @pytest.mark.parametrize(
     "wrong",
-    [["--variations", "-1"], ["--variations", "1000"], ["--seed", "-1"], ["--internode", "50"], ["--internode", "1.9"]],
+    [
+        ["--variations", "-1"],
+        ["--variations", "1000"],
+        ["--variation-spread", "3"],
+        ["--seed", "-1"],
+        ["--internode", "50"],
+        ["--internode", "1.9"],
+    ],
 )
 def test_growth_that_cannot_be_is_named(tmp_path, rng, capsys, wrong):
     cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[:300])

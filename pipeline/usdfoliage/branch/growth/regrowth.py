@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.branch.distances import near_surface, place_on_axes
+from usdfoliage.branch.growth.envelope import EnvelopeSettings
 from usdfoliage.branch.growth.grow import GrownBranches, grow_branches, seed_plants
 from usdfoliage.branch.growth.hidden_interior import HiddenSettings, find_hidden
 from usdfoliage.branch.growth.importance import ImportanceSettings, weigh_points
+from usdfoliage.branch.growth.limbs import LimbSettings
 from usdfoliage.branch.growth.logistic import LogisticSettings
 from usdfoliage.branch.growth.seen_stems import SeenStems
 from usdfoliage.branch.growth.settings import GrowthSettings
@@ -43,7 +45,10 @@ class RegrowthSettings:
     hidden: HiddenSettings = field(default_factory=HiddenSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
     thick: float = 0.5  # internodes, radius from which on a stem's bark is not what grows
+    stems: float = 0.5  # internodes, radius from which on plants that are varied have the stems of the plant
     variation: float = 0.15  # of each parameter, by which plants that are varied differ at most
+    envelope: EnvelopeSettings = field(default_factory=EnvelopeSettings)  # of plants that are varied
+    limbs: LimbSettings = field(default_factory=LimbSettings)
 
     def __post_init__(self) -> None:
         if not 0 < self.weighing <= self.marker_spacing:
@@ -140,6 +145,8 @@ def fill_rest(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
     min_left: float = 0.0,
+    *,
+    keeps: bool = True,
 ) -> GrownBranches:
     """Let the limbs of a skeleton grow on into what it leaves of a cloud; where it leaves nothing, nothing grows.
 
@@ -152,6 +159,7 @@ def fill_rest(
         seed: Of phyllotaxy, and of which points stay.
         progress: Called with how far it is, 0 to 1.
         min_left: Share of the points, up to which nothing grows into what is left.
+        keeps: Whether the branches stay exactly as they are, and others are inferred; else all are made fair together.
 
     Returns:
         The branches; reached is (N,) of the points.
@@ -162,7 +170,7 @@ def fill_rest(
         return GrownBranches(skeleton=skeleton, cycles=0, grown=0, shed=0, reached=seen)
     markers_m, weights = choose_markers(rest_m, growth.internode_m, settings, seed)
     grown = grow_branches(skeleton, markers_m, weights, _reaching(growth, points_m), seed, progress)
-    filled = _refined(grown.skeleton, growth.internode_m, settings, skeleton)
+    filled = _refined(grown.skeleton, growth.internode_m, settings, skeleton if keeps else None)
     return replace(grown, skeleton=filled, reached=near_surface(points_m, filled, near_m))
 
 

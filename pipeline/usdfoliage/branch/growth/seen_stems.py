@@ -23,6 +23,23 @@ class SeenStems:
     min_m: float  # radius from which on they count
 
 
+def thick_stems(skeleton: Skeleton, min_m: float) -> Skeleton | None:
+    """The branches as far as they are so thick without a break from a root on; None where none is."""
+    stays = np.zeros(len(skeleton.points_m), bool)
+    for number in range(len(skeleton)):  # a parent comes before its children
+        part = skeleton.branch(number)
+        carried = skeleton.parent_curve[number] < 0 or stays[skeleton.parent_vertex[number]]
+        stays[part] = carried & np.logical_and.accumulate(skeleton.radius_m[part] >= min_m)
+    long_enough = np.add.reduceat(stays.astype(np.int64), skeleton.first) > 1
+    if not long_enough.any():
+        return None
+    # What leaves a branch that is too short for a branch leaves with it.
+    for child in np.flatnonzero(skeleton.parent_curve >= 0):
+        long_enough[child] &= long_enough[skeleton.parent_curve[child]]
+    kept = stays[long_enough[skeleton.curve]]
+    return skeleton.only(long_enough).only_vertices(kept)
+
+
 def take_seen_radii(tree: NodeTree, stems: SeenStems) -> NodeTree:
     """A tree that grew, where it goes from a root along thick stems as thick as these."""
     places_m, radii_m, _ = sample_axes(stems.skeleton, 0.5 * stems.min_m)

@@ -19,7 +19,7 @@ from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches.foliage import FITTED, NONE, FoliageRequest
 from usdfoliage.jobs.branches.motion import BranchMotion
-from usdfoliage.jobs.branches.regrowth import MAX_VARIATIONS, RegrowthRequest
+from usdfoliage.jobs.branches.regrowth import MAX_SPREAD, MAX_VARIATIONS, RegrowthRequest
 from usdfoliage.jobs.branches.run import BranchesRequest
 from usdfoliage.jobs.branches.surfaces import MIN_MAX_FACES
 from usdfoliage.jobs.edits.scatter import LENGTHS_M, MAX_LEAVES, read_color
@@ -118,11 +118,14 @@ def _read_regrowth(options: argparse.Namespace) -> RegrowthRequest:
     """The growth that a command line asks for."""
     if not 0 <= options.variations <= MAX_VARIATIONS:
         raise FoliageError(f"--variations must be 0 to {MAX_VARIATIONS}, not {options.variations}")
+    if not 0 <= options.variation_spread <= MAX_SPREAD:
+        raise FoliageError(f"--variation-spread must be 0 to {MAX_SPREAD:g}, not {options.variation_spread:g}")
     return RegrowthRequest(
         method=options.method,
         fill="on" if options.fill else "off",
         hidden=options.fill_hidden,
         variations=options.variations,
+        variation_spread=options.variation_spread,
         internode_m=options.internode,
     )
 

@@ -11,8 +11,14 @@ from usdfoliage.jobs.report.table import Row
 _TERMS = "1 for trees that agree in shape, in geometry and in the structure of their branches, 0 for no similarity"
 
 
-def likeness_rows(plant: Skeleton, variations: Sequence[Skeleton]) -> list[Row]:
-    """The similarity S_T, and the spread of heights, crown radii and fork angles; none without variations."""
+def likeness_rows(plant: Skeleton, variations: Sequence[Skeleton], reached: Sequence[float]) -> list[Row]:
+    """The similarity S_T, and the spread of heights, crown radii and fork angles; none without variations.
+
+    Args:
+        plant: That they are variations of.
+        variations: Their branches.
+        reached: Share of the points of its own envelope that each grew to.
+    """
     if not variations:
         return []
     own, others = measure_traits(plant), [measure_traits(each) for each in variations]
@@ -27,12 +33,19 @@ def likeness_rows(plant: Skeleton, variations: Sequence[Skeleton]) -> list[Row]:
     forked = [each.fork_deg for each in others if np.isfinite(each.fork_deg)]
     if forked and np.isfinite(own.fork_deg):
         rows.append(_spread("mean fork angle", "°", 0, own.fork_deg, forked))
-    return rows
+    comes = Row(
+        name="variations grow to, of the points of their own envelopes",
+        value=f"{_range([100 * share for share in reached], 1)} %",
+    )
+    return [*rows, comes]
 
 
 def _spread(what: str, unit: str, digits: int, of_plant: float, values: Sequence[float]) -> Row:
+    mean = float(np.mean(values))
+    varies = 100 * float(np.std(values)) / mean if mean > 0 else 0.0
     remark = f"{of_plant:.{digits}f}{unit} of the plant"
-    return Row(name=f"{what} of variations", value=f"{_range(values, digits)}{unit}", remark=remark)
+    value = f"{_range(values, digits)}{unit}, coefficient of variation {varies:.1f} %"
+    return Row(name=f"{what} of variations", value=value, remark=remark)
 
 
 def _range(values: Sequence[float], digits: int) -> str:

@@ -9,10 +9,22 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from usdfoliage.branch.allometry import AllometrySettings
+from usdfoliage.branch.distances import near_surface
 from usdfoliage.branch.foliage.species import Species
+from usdfoliage.branch.growth.envelope import Envelope, draw_envelope, stand_of, warp_points, warp_skeleton
 from usdfoliage.branch.growth.grow import GrownBranches
-from usdfoliage.branch.growth.regrowth import RegrowthSettings, fill_hidden, fill_rest, regrow, vary_growth
+from usdfoliage.branch.growth.limbs import move_limbs
+from usdfoliage.branch.growth.regrowth import (
+    RegrowthSettings,
+    draw_to_axes,
+    fill_hidden,
+    fill_rest,
+    regrow,
+    vary_growth,
+)
+from usdfoliage.branch.growth.seen_stems import thick_stems
 from usdfoliage.branch.growth.settings import GrowthSettings
+from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.tracing.reconstruct import TracedBranches, point_spacing
 from usdfoliage.errors import FitError
 from usdfoliage.jobs.branches.warnings import REACHED, check_growth
@@ -26,6 +38,7 @@ Fill = Literal["auto", "on", "off"]
 _LONGER = 0.01  # of its length, by which a branch that grows on is longer than before
 _LEAVES_OUT = 0.03  # share of the points, from which on what traced branches leave of a cloud is grown into
 MAX_VARIATIONS = 99
+MAX_SPREAD = 2.0
 _SPACINGS = 0.7  # of the cloud, that an internode is at least: buds see no points across wider gaps
 _DENSE_SPACINGS = 1.5  # that it is at most: shorter ones come nearer to points that are close together,
 _FINEST = 0.4  # of the internode that branches are traced with, but no shorter
@@ -49,6 +62,7 @@ class RegrowthRequest:
     fill: Fill = "off"
     hidden: bool = False  # grow into what the cloud hides
     variations: int = 0
+    variation_spread: float = 1.0  # times what trees of a stand differ by; 0: within the plant's own outline
     internode_m: float | None = None  # that was asked for
     settings: RegrowthSettings = field(default_factory=RegrowthSettings)
 
@@ -61,6 +75,7 @@ class RegrowthRequest:
             described["fill-hidden"] = "yes"
         if self.variations:
             described["variations"] = str(self.variations)
+            described["variation-spread"] = f"{self.variation_spread:g}"
         return described
 
 
@@ -157,21 +172,74 @@ def regrow_branches(
     return traced, remarks
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Variation:
+    """A plant like another."""
+
+    traced: TracedBranches
+    seed: int
+    reached: float  # share of the points of its own envelope that its branches come to
+
+
 def vary_branches(
     traced: TracedBranches, plant: PlantCloud, request: RegrowthRequest, species: Species, seed: int
-) -> TracedBranches:
-    """A plant like the one that was traced, grown through its cloud with slightly other parameters.
+) -> Variation:
+    """A plant like the one that was traced, grown through its cloud as that is in an envelope of its own.
 
-    What its cloud hides it fills as that does, where it is asked for.
+    What its cloud hides it fills as that does, where it is asked for. Where spread is 0 the envelope is the plant's.
     """
     growth = growth_settings(traced, species)
     through = settings_for_cloud(growth, traced, plant, request.internode_m)
-    varied = vary_growth(through, request.settings.variation, seed)
-    variation = replace(traced, skeleton=_regrow(traced, plant, varied, request, seed, None).skeleton)
+    envelope = draw_envelope(request.settings.envelope, request.variation_spread, seed)
+    thick_m = request.settings.thick * through.internode_m
+    seen, cloud = vary_cloud(traced, plant, envelope, request, seed, thick_m)
+    varied = vary_growth(_scaled(through, envelope.size), request.settings.variation, seed)
+    stems = None
+    if request.variation_spread > 0:
+        stems = thick_stems(seen.skeleton, envelope.size * request.settings.stems * through.internode_m)
+    grown, _ = _grow_well(seen, cloud, varied, request, seed, None, stems)
+    variation = replace(traced, skeleton=grown.skeleton)
     if request.hidden:
-        varied = vary_growth(growth, request.settings.variation, seed)
-        variation = replace(variation, skeleton=_fill(variation, plant, varied, request, seed, None).skeleton)
-    return variation
+        varied = vary_growth(_scaled(growth, envelope.size), request.settings.variation, seed)
+        variation = replace(variation, skeleton=_fill(variation, cloud, varied, request, seed, None).skeleton)
+    return Variation(traced=variation, seed=seed, reached=float(grown.reached.mean()))
+
+
+def vary_cloud(
+    traced: TracedBranches,
+    plant: PlantCloud,
+    envelope: Envelope,
+    request: RegrowthRequest,
+    seed: int,
+    thick_m: float,
+) -> tuple[TracedBranches, PlantCloud]:
+    """Traced branches and their cloud, with limbs elsewhere, in another envelope; as they are where spread is 0.
+
+    The bark of stems at least thick_m in radius is on their axes before, from which it would part otherwise.
+    """
+    spread, settings = request.variation_spread, request.settings
+    if spread == 0:
+        return traced, plant
+    points_m = draw_to_axes(plant.points_m, traced.skeleton, thick_m)
+    skeleton, points_m = move_limbs(traced.skeleton, points_m, settings.limbs, spread, seed)
+    standing = stand_of(plant.points_m, plant.roots_m)
+    cloud = replace(
+        plant,
+        points_m=warp_points(points_m, standing, envelope),
+        colors=None,
+        roots_m=warp_points(plant.roots_m, standing, envelope),
+    )
+    return replace(traced, skeleton=warp_skeleton(skeleton, standing, envelope)), cloud
+
+
+def _scaled(growth: GrowthSettings, factor: float) -> GrowthSettings:
+    """The parameters of a plant so many times as large."""
+    return replace(
+        growth,
+        internode_m=factor * growth.internode_m,
+        max_kill_m=factor * growth.max_kill_m,
+        max_gap_m=factor * growth.max_gap_m,
+    )
 
 
 def _grow_through(
@@ -184,21 +252,54 @@ def _grow_through(
 ) -> tuple[GrownBranches, float]:
     """A plant that grows to enough of the points, with the shortest internodes with which one does; these in metres."""
     finest = settings_for_cloud(growth, traced, plant, request.internode_m)
+    grown, internode_m = _grow_well(traced, plant, finest, request, seed, progress)
+    if request.internode_m is None and grown.reached.mean() < REACHED:
+        raise _explain_incomplete(grown, plant, finest.max_gap_m)
+    return grown, internode_m
+
+
+def _grow_well(
+    traced: TracedBranches,
+    plant: PlantCloud,
+    finest: GrowthSettings,
+    request: RegrowthRequest,
+    seed: int,
+    progress: Callable[[float], None] | None,
+    stems: Skeleton | None = None,
+) -> tuple[GrownBranches, float]:
+    """The plant that comes to enough of the points with the shortest internodes, or to the most; these in metres.
+
+    It grows from the stems, or from its roots where there are none.
+    """
     best: tuple[GrownBranches, float] | None = None
     for times in _TRIES if request.internode_m is None else _TRIES[:1]:
         internode_m = times * finest.internode_m
         max_kill_m = max(finest.max_kill_m, _USED * internode_m)
         tried = replace(finest, internode_m=internode_m, max_kill_m=max_kill_m)
-        grown = _regrow(traced, plant, tried, request, seed, progress)
+        if stems is None:
+            grown = _regrow(traced, plant, tried, request, seed, progress)
+        else:
+            grown = _grow_from(stems, plant, tried, _REACHED_SPACINGS * _spacing_m(traced, plant), request, seed)
         if best is None or grown.reached.mean() > best[0].reached.mean():
             best = grown, internode_m
         if grown.reached.mean() >= REACHED:
             break
     assert best is not None
-    grown, internode_m = best
-    if request.internode_m is None and grown.reached.mean() < REACHED:
-        raise _explain_incomplete(grown, plant, finest.max_gap_m)
-    return grown, internode_m
+    return best
+
+
+def _grow_from(
+    stems: Skeleton, plant: PlantCloud, growth: GrowthSettings, near_m: float, request: RegrowthRequest, seed: int
+) -> GrownBranches:
+    """Stems with what grows on them into the rest of the cloud."""
+    # To what is nearer than a stub no branch grows that stays.
+    own_m = max(near_m, growth.stub * growth.internode_m)
+    grown = fill_rest(stems, plant.points_m, own_m, growth, request.settings, seed, keeps=False)
+    reached_m = max(near_m, min(growth.max_kill * growth.internode_m, growth.max_kill_m))
+    return replace(
+        grown,
+        reached=near_surface(plant.points_m, grown.skeleton, reached_m),
+    )
 
 
 def _explain_incomplete(grown: GrownBranches, plant: PlantCloud, max_gap_m: float) -> IncompleteGrowthError:

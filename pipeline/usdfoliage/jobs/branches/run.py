@@ -36,7 +36,7 @@ from usdfoliage.jobs.branches.foliage import (
 from usdfoliage.jobs.branches.known_stems import KnownStems
 from usdfoliage.jobs.branches.likeness import likeness_rows
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_branches, rig_branches, rig_grown_leaves
-from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, regrow_branches, vary_branches
+from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, Variation, regrow_branches, vary_branches
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.branches.surfaces import build_surfaces, faces_of_cloud
 from usdfoliage.jobs.branches.tracing import FindStems, trace_cloud
@@ -207,17 +207,19 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             interface = _write_plant(folder, request.name, found.made, provenance, plant, request.asset)
         variations: list[Path] = []
         skeletons: list[Skeleton] = []
+        reached: list[float] = []
         with follow_step("variations", seconds, progress) as advance:
             for number in range(1, request.regrowth.variations + 1):
-                variation = vary_plant(request, found, number, fitted)
+                variation, model = vary_plant(request, found, number, fitted)
                 name = name_variation(request.name, number)
                 own = folder / VARIATIONS / name
                 own.mkdir(parents=True)
-                skeletons.append(variation.traced.skeleton)
-                own_provenance = replace(provenance, seed=request.seed + number)
-                variations.append(_write_plant(own, name, variation, own_provenance, plant, request.asset))
+                skeletons.append(model.traced.skeleton)
+                reached.append(variation.reached)
+                its_own = replace(provenance, seed=variation.seed)
+                variations.append(_write_plant(own, name, model, its_own, plant, request.asset))
                 advance(number, request.regrowth.variations)
-        found = replace(found, rows=(*found.rows, *likeness_rows(found.drawn.skeleton, skeletons)))
+        found = replace(found, rows=(*found.rows, *likeness_rows(found.drawn.skeleton, skeletons, reached)))
         (folder / "report").mkdir(exist_ok=True)
         drawn = interface if request.preview else None
         written = report_branches(folder / "report", request, found, seconds, drawn, variations, progress)
@@ -273,8 +275,8 @@ def name_variation(name: str, number: int) -> str:
 
 def vary_plant(
     request: BranchesRequest, found: FoundBranches, number: int, fitted: FittedLeaves | None = None
-) -> "PlantModel":
-    """A variation of a plant.
+) -> tuple[Variation, "PlantModel"]:
+    """A variation of a plant, and what its asset is written from.
 
     Args:
         request: What was asked for.
@@ -287,7 +289,7 @@ def vary_plant(
     """
     seed = request.seed + number
     varied = vary_branches(found.traced, found.plant, request.regrowth, request.foliage.species, seed)
-    return _make_plant(request, varied, found.plant, fitted, seed, {}, None)
+    return varied, _make_plant(request, varied.traced, found.plant, fitted, seed, {}, None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

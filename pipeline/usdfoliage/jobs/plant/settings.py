@@ -6,7 +6,7 @@ from typing import Literal, get_args
 from usdfoliage.errors import FoliageError
 from usdfoliage.isolation.pieces import PieceSettings
 from usdfoliage.jobs.branches.foliage import FoliageRequest
-from usdfoliage.jobs.branches.regrowth import MAX_VARIATIONS, METHODS, TRACE, Fill, Method
+from usdfoliage.jobs.branches.regrowth import MAX_SPREAD, MAX_VARIATIONS, METHODS, TRACE, Fill, Method, RegrowthRequest
 from usdfoliage.jobs.capture.settings import CaptureRunSettings
 from usdfoliage.jobs.edits.scatter import LENGTHS_M, MAX_LEAVES
 from usdfoliage.jobs.leaves.settings import LeavesSettings
@@ -85,9 +85,11 @@ class BranchStageSettings:
     # The surface of the branches has this many faces at most; auto is 6 for each point of the cloud, from 30000 to
     # 400000. Range: 1000 or more.
     max_faces: int | None = None
-    # This many further plants grow through the same cloud with slightly different parameters: assets in the folder
-    # variations of the asset. Range: 0 to 99.
+    # This many further plants like this one grow: assets in the folder variations of the asset. Range: 0 to 99.
     variations: int = 0
+    # How much variations differ in height, crown, limbs and stem: 1 as trees of one stand do, 0 within the outline of
+    # the plant. Range: 0 to 2.
+    variation_spread: float = RegrowthRequest.variation_spread
 
     def __post_init__(self) -> None:
         if self.internode_m is not None and not self.internode_m > 0:
@@ -104,6 +106,8 @@ class BranchStageSettings:
             raise ValueError(f"max_points must be at least 50, not {self.max_points}")
         if not 0 <= self.variations <= MAX_VARIATIONS:
             raise ValueError(f"variations must be 0 to {MAX_VARIATIONS}, not {self.variations}")
+        if not 0 <= self.variation_spread <= MAX_SPREAD:
+            raise ValueError(f"variation_spread must be 0 to {MAX_SPREAD:g}, not {self.variation_spread:g}")
         if self.variations and self.make == "off":
             raise ValueError("variations need branches, and make is off: set make to auto, or variations to 0")
         if self.max_faces is not None and self.max_faces < 1000:

@@ -92,7 +92,11 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         species=known.name if known else "",
         foliage=FoliageRequest(species=known) if known else FoliageRequest(),
         regrowth=RegrowthRequest(
-            method=settings.method, fill=fill, internode_m=settings.internode_m, variations=settings.variations
+            method=settings.method,
+            fill=fill,
+            internode_m=settings.internode_m,
+            variations=settings.variations,
+            variation_spread=settings.variation_spread,
         ),
         max_faces=settings.max_faces,
         seed=call.settings.seed,
@@ -174,10 +178,11 @@ def _write_variations(
         text = "the plant has no variations: its stems are lines in photographs, and the cloud does not show them"
         return [], [remark("variations-without-branches", text)]
     skeletons: list[Skeleton] = []
+    reached: list[float] = []
     failed: list[Remark] = []
     for number in range(1, request.regrowth.variations + 1):
         try:
-            made = vary_plant(request, found, number)
+            variation, made = vary_plant(request, found, number)
         except FoliageError as error:
             failed.append(describe_failed_variation(number, error))
             continue
@@ -189,7 +194,8 @@ def _write_variations(
         )
         write_branches_model(call.out / VARIATION_MODEL.format(number=number), model)
         skeletons.append(model.skeleton)
-    return likeness_rows(found.drawn.skeleton, skeletons), failed
+        reached.append(variation.reached)
+    return likeness_rows(found.drawn.skeleton, skeletons, reached), failed
 
 
 def describe_failed_variation(number: int, error: FoliageError) -> Remark:

@@ -1,0 +1,73 @@
+"""Limbs that stand elsewhere on their stem, and stems that are kept."""
+
+import numpy as np
+import pytest
+from usdfoliage.branch.growth.limbs import LimbSettings, move_limbs
+from usdfoliage.branch.growth.seen_stems import thick_stems
+
+from tests.support.branch_clouds import line
+from tests.support.branch_shapes import plant_of
+
+TREE = plant_of(
+    ([[0, 0, 0], [0, 1, 0], [0, 2, 0], [0, 3, 0], [0, 4, 0]], 0.1, None, None),
+    ([[0, 1, 0], [1, 2, 0]], [0.05, 0.02], 0, 1),
+    ([[0, 2, 0], [0, 3, 1]], [0.05, 0.02], 0, 2),
+    ([[1, 2, 0], [1.5, 2.2, 0]], [0.02, 0.01], 1, 1),
+)
+POINTS_M = np.concatenate(
+    [line([0, 0, 0], [0, 4, 0], 81), line([0.3, 1.3, 0], [1, 2, 0], 21), line([0, 2.3, 0.3], [0, 3, 1], 21)]
+)
+
+
+def test_without_spread_nothing_moves():
+    skeleton, points_m = move_limbs(TREE, POINTS_M, LimbSettings(), 0.0, 1)
+    assert skeleton is TREE
+    assert points_m is POINTS_M
+
+
+def test_limbs_turn_about_their_stem_with_their_points():
+    settings = LimbSettings(turn_deg=30, rise=0.0, change=0.0)
+    skeleton, points_m = move_limbs(TREE, POINTS_M, settings, 1.0, 1)
+    np.testing.assert_array_equal(points_m[:81], POINTS_M[:81])  # of the stem
+    assert np.abs(points_m[81:] - POINTS_M[81:]).max() > 0.05
+    np.testing.assert_allclose(points_m[:, 1], POINTS_M[:, 1], atol=1e-9)
+    np.testing.assert_allclose(np.hypot(*points_m[:, [0, 2]].T), np.hypot(*POINTS_M[:, [0, 2]].T), atol=1e-9)
+    np.testing.assert_allclose(skeleton.lengths_m[[0, 1, 3]], TREE.lengths_m[[0, 1, 2]])
+    tip_m = skeleton.points_m[skeleton.branch(1)][-1]
+    np.testing.assert_allclose(points_m[101], tip_m, atol=1e-9)
+
+
+def test_limbs_are_left_out_and_doubled_as_often():
+    settings = LimbSettings(change=0.5, max_share=1.0)
+    counts = np.array([len(move_limbs(TREE, POINTS_M, settings, 1.0, seed)[0]) for seed in range(60)])
+    assert set(counts.tolist()) == {1, 3, 5, 7}  # the limbs carry two branches and one
+    assert np.mean(counts) == pytest.approx(4, abs=0.8)
+    kept = LimbSettings(change=0.5, max_share=0.01)
+    assert len(move_limbs(TREE, POINTS_M, kept, 1.0, 1)[0]) == 4
+
+
+def test_limbs_leave_from_their_stem_where_they_are_raised():
+    skeleton, _ = move_limbs(TREE, POINTS_M, LimbSettings(rise=0.3, change=0.0), 1.0, 5)
+    leaves_at_m = skeleton.points_m[skeleton.parent_vertex[skeleton.order == 1]]
+    np.testing.assert_allclose(leaves_at_m[:, [0, 2]], 0)
+    assert leaves_at_m[:, 1].tolist() != [1, 2]
+
+
+def test_thick_stems_end_where_they_are_thin():
+    tree = plant_of(
+        ([[0, 0, 0], [0, 1, 0], [0, 2, 0], [0, 3, 0]], [0.1, 0.08, 0.05, 0.01], None, None),
+        ([[0, 1, 0], [1, 2, 0], [1, 3, 0]], [0.05, 0.04, 0.01], 0, 1),
+        ([[0, 3, 0], [1, 4, 0]], [0.05, 0.05], 0, 3),  # beyond where the stem is thin
+        ([[1, 3, 0], [1, 4, 0]], [0.01, 0.01], 1, 2),
+    )
+    stems = thick_stems(tree, 0.04)
+    assert stems is not None
+    assert stems.counts.tolist() == [3, 2]
+    np.testing.assert_array_equal(stems.points_m[-1], [1, 2, 0])
+    assert thick_stems(tree, 0.2) is None
+
+
+@pytest.mark.parametrize("wrong", [{"turn_deg": -1.0}, {"change": 0.7}, {"min_share": 0.5}])
+def test_settings_that_cannot_be_are_refused(wrong):
+    with pytest.raises(ValueError, match="must"):
+        LimbSettings(**wrong)
