@@ -98,6 +98,24 @@ def test_what_was_there_stays_and_radii_follow_allometry():
     assert (np.diff(grown.radius_m)[new - 1] <= 1e-12).all()
 
 
+def test_beside_a_stem_that_is_there_a_plant_grows_as_if_it_grew_with_it():
+    stem = plant_of(([[0, 0, 0], [0, 4, 0]], 0.05, None, None))
+    rng = np.random.default_rng(0)
+    points_m = np.column_stack([rng.uniform(0.15, 0.4, 400), rng.uniform(1, 3.5, 400), rng.uniform(-0.1, 0.1, 400)])
+    settings = replace(PLAIN, logistic=LogisticSettings(longest=80))
+    angles_deg = []
+    for ages in (False, True):
+        grown = grow_branches(stem, points_m, ones(points_m), settings, ages=ages)
+        tree = grown.skeleton
+        assert grown.reached.mean() > 0.9
+        first = np.flatnonzero(tree.order == 1)
+        ends_m = tree.points_m[tree.first[first] + np.minimum(tree.counts[first] - 1, 3)]
+        offset_m = ends_m - tree.points_m[tree.first[first]]
+        up = offset_m[:, 1] / np.linalg.norm(offset_m, axis=1)
+        angles_deg.append(float(np.degrees(np.arccos(up)).mean()))
+    assert angles_deg[1] < angles_deg[0] - 8
+
+
 def test_stubs_and_whips_are_shed():
     points_m = np.concatenate([line([0, 0, 0], [0, 1, 0], 100), [[0.06, 0.5, 0.0], [0, 0.5, 0.07]]])
     seed = seed_plants(np.zeros((1, 3)), INTERNODE_M, 0.02)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from usdfoliage.branch.growth.limbs import LimbSettings, move_limbs
-from usdfoliage.branch.growth.seen_stems import thick_stems
+from usdfoliage.branch.growth.seen_stems import fair_stems, thick_stems
 
 from tests.support.branch_clouds import line
 from tests.support.branch_shapes import plant_of
@@ -65,6 +65,24 @@ def test_thick_stems_end_where_they_are_thin():
     assert stems.counts.tolist() == [3, 2]
     np.testing.assert_array_equal(stems.points_m[-1], [1, 2, 0])
     assert thick_stems(tree, 0.2) is None
+
+
+def test_stems_lose_short_waves_and_keep_long_ones():
+    along_m = np.linspace(0, 10, 401)
+    short_m, long_m = 0.02 * np.sin(2 * np.pi * along_m / 0.5), 0.5 * np.sin(2 * np.pi * along_m / 10)
+    stem_m = np.column_stack([short_m, along_m, long_m])
+    twig_m = stem_m[200] + np.column_stack([along_m[:41], 0 * along_m[:41], short_m[:41]])
+    tree = plant_of((stem_m, 0.1, None, None), (twig_m, 0.05, 0, 200))
+    fair = fair_stems(tree, 1.0)
+    along_stem, amid = fair.points_m[:401], slice(40, 361)
+    assert np.abs(along_stem[amid, 0]).max() < 0.02 / 12
+    np.testing.assert_allclose(along_stem[:, 2], long_m, atol=0.01)
+    np.testing.assert_allclose(along_stem[0], stem_m[0], atol=1e-6)
+    np.testing.assert_allclose(fair.points_m[401], along_stem[200], atol=1e-6)
+    assert np.abs(fair.points_m[401:][10:31, 2]).max() < np.abs(long_m[200]) + 0.02 / 4
+    half = fair_stems(tree, 0.5)  # a wave of that length is half as high
+    np.testing.assert_allclose(half.points_m[amid, 0], short_m[amid] / 2, atol=0.002)
+    assert fair_stems(tree, 0.0) is tree
 
 
 @pytest.mark.parametrize("wrong", [{"turn_deg": -1.0}, {"change": 0.7}, {"min_share": 0.5}])

@@ -83,17 +83,27 @@ class Aims:
     apical: int  # buds that are those of tips
 
 
-def aim_buds(plant: GrowingPlant, points_m: NDArray[np.float64], influence_m: float, settings: GrowthSettings) -> Aims:
-    """Each point (M, 3) to the nearest bud that has it in its cone and in reach: buds compete, of one plant or more."""
+def aim_buds(
+    plant: GrowingPlant,
+    points_m: NDArray[np.float64],
+    influence_m: float,
+    settings: GrowthSettings,
+    closed: NDArray[np.bool_] | None = None,
+) -> Aims:
+    """Each point (M, 3) to the nearest bud that has it in its cone and in reach: buds compete, of one plant or more.
+
+    Buds of nodes that are closed (N,) see nothing.
+    """
     node, heading = _buds(plant, settings)
-    near = min(_BUDS, len(node))
-    tree = cKDTree(plant.tree.position_m[node])
+    open_buds = np.arange(len(node)) if closed is None else np.flatnonzero(~closed[node])
+    near = min(_BUDS, len(open_buds))
+    tree = cKDTree(plant.tree.position_m[node[open_buds]])
     away_m, found = tree.query(points_m, k=list(range(1, near + 1)), distance_upper_bound=influence_m, workers=-1)
     bud = np.full(len(points_m), -1, np.int64)
     min_cosine = np.cos(np.radians(0.5 * settings.perception_deg))
     for away, candidate in zip(np.asarray(away_m).T, np.asarray(found).T, strict=True):
         open_ = np.flatnonzero((bud < 0) & np.isfinite(away))
-        chosen = candidate[open_]
+        chosen = open_buds[candidate[open_]]
         towards = points_m[open_] - plant.tree.position_m[node[chosen]]
         ahead = np.einsum("mc,mc->m", towards, heading[chosen]) >= min_cosine * away[open_]
         bud[open_[ahead]] = chosen[ahead]

@@ -22,6 +22,7 @@ from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 
 _WIDER = 1.5  # times the nearest point's distance, how far a bud looks across a gap
+_ALL_OPEN = 0.98  # of the longest path, at which the last buds of what is there already open
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,6 +58,8 @@ def grow_branches(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
     stems: SeenStems | None = None,
+    *,
+    ages: bool = False,
 ) -> GrownBranches:
     """Grow branches from all buds of a skeleton towards points, until none is in reach.
 
@@ -68,6 +71,9 @@ def grow_branches(
         seed: Of the turn at which each branch's phyllotaxy begins.
         progress: Called with how far growth is, 0 to 1.
         stems: That were seen: along these branches are as thick as they are.
+        ages: Whether the buds of what is there already open from the roots on, as if it grew with the rest: so a point
+            beside a stem is left to a bud below it, as in a plant that grows. Else all are open from the beginning,
+            and what springs from a stem stands off it at right angles.
 
     Raises:
         ValueError: Points and weights are not as many.
@@ -81,6 +87,7 @@ def grow_branches(
     cycle, age, shed = 0, 0, 0
     fresh_m = plant.tree.position_m  # nodes that no point was compared with
     wide = False
+    opens = _share_of_path(plant.tree) if ages else np.zeros(len(plant.tree))
     while cycle < settings.max_cycles:
         units = float(growth_units(age, settings.logistic))
         influence_m = max(units, settings.min_reach) * settings.internode_m
@@ -92,10 +99,13 @@ def grow_branches(
         if not len(waiting):
             break
         before = len(plant.tree)
+        closed = np.zeros(before, bool)
+        closed[: len(opens)] = opens > longest_path(age, settings.logistic) / settings.logistic.longest
+        opening = bool(closed.any())
         if wide:
             plant = _cross_gaps(plant, points_m[waiting], weights[waiting], influence_m, cycle, settings, rng)
         else:
-            aims = aim_buds(plant, points_m[waiting], influence_m, settings)
+            aims = aim_buds(plant, points_m[waiting], influence_m, settings, closed)
             plant = grow_shoots(plant, points_m[waiting], weights[waiting], aims, units, cycle, settings, rng)
         fresh_m = plant.tree.position_m[before:]
         grew = len(fresh_m) > 0
@@ -107,11 +117,11 @@ def grow_branches(
         # As the plant becomes older its shoots become shorter: what no bud sees then only a wider look finds.
         older = longest_path(age, settings.logistic) > 0.5 * settings.logistic.longest
         lacks = len(waiting) > settings.max_unreached * len(points_m)
-        if not grew and (wide or (older and not (settings.max_gap_m > 0 and lacks))):
+        if not grew and not opening and (wide or (older and not (settings.max_gap_m > 0 and lacks))):
             break
         if wide and grew:  # as young as a plant that fills such a share of the points
             age = min(age, cycles_until(1 - len(waiting) / len(points_m), settings.logistic))
-        wide = not grew and settings.max_gap_m > 0 and lacks
+        wide = not grew and not opening and settings.max_gap_m > 0 and lacks
         if progress:
             progress(1 - len(waiting) / len(points_m))
     plant, gone = _shed(plant, len(start), cycle + settings.rest, settings)
@@ -125,6 +135,12 @@ def grow_branches(
         shed=shed + gone,
         reached=reached,
     )
+
+
+def _share_of_path(tree: NodeTree) -> NDArray[np.float64]:
+    """(N,) length of the path from its root to each node, of the longest one, up to _ALL_OPEN."""
+    path_m = RootedTree(tree.parent).sum_below(step_lengths(tree.position_m, tree.parent))
+    return np.asarray(_ALL_OPEN * path_m / max(float(path_m.max()), 1e-300))
 
 
 def _cross_gaps(

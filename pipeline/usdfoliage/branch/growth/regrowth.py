@@ -46,6 +46,7 @@ class RegrowthSettings:
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
     thick: float = 0.5  # internodes, radius from which on a stem's bark is not what grows
     stems: float = 0.5  # internodes, radius from which on plants that are varied have the stems of the plant
+    fair: float = 10.0  # internodes, length of waves in these stems that are half as high afterwards
     variation: float = 0.15  # of each parameter, by which plants that are varied differ at most
     envelope: EnvelopeSettings = field(default_factory=EnvelopeSettings)  # of plants that are varied
     limbs: LimbSettings = field(default_factory=LimbSettings)
@@ -53,6 +54,8 @@ class RegrowthSettings:
     def __post_init__(self) -> None:
         if not 0 < self.weighing <= self.marker_spacing:
             raise ValueError("weighing must be above 0 and at most marker_spacing")
+        if not self.fair >= 0:
+            raise ValueError(f"fair must not be below 0, not {self.fair:g}")
         if not 0 <= self.variation < 1:
             raise ValueError(f"variation must be in [0, 1), not {self.variation:g}")
 
@@ -169,7 +172,7 @@ def fill_rest(
     if not len(skeleton) or len(rest_m) <= min_left * len(points_m):
         return GrownBranches(skeleton=skeleton, cycles=0, grown=0, shed=0, reached=seen)
     markers_m, weights = choose_markers(rest_m, growth.internode_m, settings, seed)
-    grown = grow_branches(skeleton, markers_m, weights, _reaching(growth, points_m), seed, progress)
+    grown = grow_branches(skeleton, markers_m, weights, _reaching(growth, points_m), seed, progress, ages=not keeps)
     filled = _refined(grown.skeleton, growth.internode_m, settings, skeleton if keeps else None)
     return replace(grown, skeleton=filled, reached=near_surface(points_m, filled, near_m))
 

@@ -3,16 +3,19 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.growth.node_tree import NodeTree
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
+from usdfoliage.branch.tracing.fairing import fair_branches
 
 _AMID = 0.8  # of a stem's radius, within which a node is on its axis
 _BEGINS = 6.0  # radii, that an axis follows a stem at least whose foot no node is in
 _ALONG = 2.0  # radii, that an axis follows a stem at least; a lateral of the stem leaves it sooner
+_EVEN = 0.1  # of the mean step of a skeleton, that a step counts as at least
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,6 +41,26 @@ def thick_stems(skeleton: Skeleton, min_m: float) -> Skeleton | None:
         long_enough[child] &= long_enough[skeleton.parent_curve[child]]
     kept = stays[long_enough[skeleton.curve]]
     return skeleton.only(long_enough).only_vertices(kept)
+
+
+def fair_stems(skeleton: Skeleton, over_m: float) -> Skeleton:
+    """The branches without the waves of noise in their axes; roots stay, and so does what leaves from what.
+
+    Waves of the length over_m are half as high afterwards, those of half that length a seventeenth.
+    """
+    if over_m <= 0 or not len(skeleton):
+        return skeleton
+    step_m = np.linalg.norm(np.diff(skeleton.points_m, axis=0), axis=1)
+    step_m[skeleton.first[1:] - 1] = np.nan  # from one branch to the next
+    share_m: NDArray[np.float64] = np.nanmean([[np.nan, *step_m], [*step_m, np.nan]], axis=0)
+    mean_m = max(float(np.nanmean(step_m)), 1e-300)
+    share = np.maximum(share_m / mean_m, _EVEN)  # of a branch's length, that is a vertex's
+    weight = share.copy()
+    weight[skeleton.first] = np.inf
+    # As a smoothing spline, of which waves keep 1 / (1 + (2 pi scale / wavelength)^4).
+    scale = over_m / (2 * np.pi * mean_m)
+    unlimited = np.full(len(share), np.inf)
+    return fair_branches(skeleton, weight, scale**4 / share**3, unlimited)
 
 
 def take_seen_radii(tree: NodeTree, stems: SeenStems) -> NodeTree:

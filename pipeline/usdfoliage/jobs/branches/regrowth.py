@@ -22,7 +22,7 @@ from usdfoliage.branch.growth.regrowth import (
     regrow,
     vary_growth,
 )
-from usdfoliage.branch.growth.seen_stems import thick_stems
+from usdfoliage.branch.growth.seen_stems import fair_stems, thick_stems
 from usdfoliage.branch.growth.settings import GrowthSettings
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.tracing.reconstruct import TracedBranches, point_spacing
@@ -190,6 +190,10 @@ def vary_branches(
     """
     growth = growth_settings(traced, species)
     through = settings_for_cloud(growth, traced, plant, request.internode_m)
+    if request.variation_spread > 0:
+        # Traced through points far apart stems zigzag; those of a plant that is grown do not.
+        fair = fair_stems(traced.skeleton, request.settings.fair * through.internode_m)
+        traced = replace(traced, skeleton=fair)
     envelope = draw_envelope(request.settings.envelope, request.variation_spread, seed)
     thick_m = request.settings.thick * through.internode_m
     seen, cloud = vary_cloud(traced, plant, envelope, request, seed, thick_m)
