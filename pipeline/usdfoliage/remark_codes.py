@@ -612,6 +612,14 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 ),
                 action="Give a longer internode, more roots, or no internode: then it follows the cloud.",
             ),
+            "variations-incomplete": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "These variations grew to less than 95 % of the points that the plant's cloud has in their own "
+                    "envelopes. Parts of their crowns may be empty."
+                ),
+                action="Look at them. Give a lower `branches.variation_spread`, or do not use them.",
+            ),
             "branches-left-out": RemarkKind(
                 severity="info",
                 meaning=(

@@ -45,6 +45,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "branches.cloud_leaves": "--cloud-leaves",
             "branches.make": "--any-cloud",
             "branches.method": "--method",
+            "branches.variation_spread": "--variation-spread",
             "branches.max_points": "--most-points",
             "branches.max_faces": "--most-faces",
             "foliage.leaf_length_m": "--leaf-length",

@@ -40,7 +40,7 @@ from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, Variation, 
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.branches.surfaces import build_surfaces, faces_of_cloud
 from usdfoliage.jobs.branches.tracing import FindStems, trace_cloud
-from usdfoliage.jobs.branches.warnings import check_motion, check_surface
+from usdfoliage.jobs.branches.warnings import check_motion, check_surface, check_variations
 from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.report.table import Row, WrittenReport
 from usdfoliage.progress import StepProgress, follow_step
@@ -207,7 +207,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
             interface = _write_plant(folder, request.name, found.made, provenance, plant, request.asset)
         variations: list[Path] = []
         skeletons: list[Skeleton] = []
-        reached: list[float] = []
+        reached: dict[int, float] = {}
         with follow_step("variations", seconds, progress) as advance:
             for number in range(1, request.regrowth.variations + 1):
                 variation, model = vary_plant(request, found, number, fitted)
@@ -215,11 +215,16 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
                 own = folder / VARIATIONS / name
                 own.mkdir(parents=True)
                 skeletons.append(model.traced.skeleton)
-                reached.append(variation.reached)
+                reached[number] = variation.reached
                 its_own = replace(provenance, seed=variation.seed)
                 variations.append(_write_plant(own, name, model, its_own, plant, request.asset))
                 advance(number, request.regrowth.variations)
-        found = replace(found, rows=(*found.rows, *likeness_rows(found.drawn.skeleton, skeletons, reached)))
+        likeness = likeness_rows(found.drawn.skeleton, skeletons, list(reached.values()))
+        found = replace(
+            found,
+            rows=(*found.rows, *likeness),
+            remarks=merge_remarks(found.remarks, check_variations(reached)),
+        )
         (folder / "report").mkdir(exist_ok=True)
         drawn = interface if request.preview else None
         written = report_branches(folder / "report", request, found, seconds, drawn, variations, progress)

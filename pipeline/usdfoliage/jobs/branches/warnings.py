@@ -1,5 +1,7 @@
 """Checks of an asset of branches: each returns a list of warnings with their remedies, empty where all is well."""
 
+from collections.abc import Mapping
+
 from usdfoliage.remarks import Remark, Setting, remark
 
 _UNJOINED = 0.3  # share of the branches,
@@ -7,6 +9,7 @@ _FEW = 5  # of which so many may always be without a join
 FEW_ROUND = 0.05  # share of the circles, from which on they are believed without a stem
 _STEMS = 0.25  # share of the roots, from which on their stems are believed: of many in a hedge one looks like one
 REACHED = 0.95  # share of the points, to which growth comes at least
+_NAMED = 5  # variations that a remark names; it counts the others
 _LONGER = 4  # times the internode, with which growth reaches points farther apart
 
 _GROW = Setting(name="branches.method", value='"grow"')
@@ -88,6 +91,28 @@ def check_growth(reached: float, internode_m: float) -> list[Remark]:
                 " or so, or more ",
                 Setting(name="branches.roots"),
             ),
+        )
+    ]
+
+
+def check_variations(reached: Mapping[int, float]) -> list[Remark]:
+    """A warning where variations grew through a part of their envelopes alone.
+
+    Args:
+        reached: By the number of the variation, the share of the points of its own envelope that it came to.
+    """
+    short = {number: share for number, share in sorted(reached.items()) if share < REACHED}
+    if not short:
+        return []
+    # Rounded down: 94.97 % is not 95 %.
+    named = [f"{number} to {int(1000 * share) / 10:.1f} %" for number, share in [*short.items()][:_NAMED]]
+    others = f" and {len(short) - _NAMED} others" if len(short) > _NAMED else ""
+    return [
+        remark(
+            "variations-incomplete",
+            f"{len(short)} of {len(reached)} variations grew to less than {100 * REACHED:.0f} % of the points of their "
+            f"own envelopes: {', '.join(named)}{others}; parts of their crowns may be empty",
+            remedy=("give a lower ", Setting(name="branches.variation_spread"), ", or do not use them"),
         )
     ]
 

@@ -20,7 +20,8 @@ def test_a_variation_that_cannot_be_made_is_a_warning(tmp_path, monkeypatch):
     def vary_but_the_first(request, found, number):
         if number == 1:
             raise error
-        return vary(request, found, number)
+        variation, made = vary(request, found, number)
+        return replace(variation, reached=0.93), made
 
     monkeypatch.setattr(parts, "vary_plant", vary_but_the_first)
     cloud = write_ply(tmp_path / "tree.ply", cloud_of(y_fork(), per_m2=3000))
@@ -47,6 +48,9 @@ def test_a_variation_that_cannot_be_made_is_a_warning(tmp_path, monkeypatch):
     assert failed.severity == "warning"
     assert failed.text == "variation 1 is left out: no branch grew"
     assert "give other roots" in str(failed.remedy)
+    (short,) = [each for each in read_summary(call.out).remarks if each.code == "variations-incomplete"]
+    assert "1 of 1 variations" in short.text
+    assert "2 to 93.0 %" in short.text
     assert "similarity of variations, S_T" in {row.name for row in read_summary(call.out).rows}
 
     error = WriteError("the disk is full")

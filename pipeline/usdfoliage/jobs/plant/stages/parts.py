@@ -27,6 +27,7 @@ from usdfoliage.jobs.branches.likeness import likeness_rows
 from usdfoliage.jobs.branches.regrowth import TRACE, Fill, RegrowthRequest
 from usdfoliage.jobs.branches.run import BranchesRequest, FoundBranches, find_branches, report_branches, vary_plant
 from usdfoliage.jobs.branches.tracing import NoStemsError
+from usdfoliage.jobs.branches.warnings import check_variations
 from usdfoliage.jobs.crown.capture_input import PlantPoints
 from usdfoliage.jobs.crown.run_capture import CapturedCrownRequest, find_captured_crown, report_crown
 from usdfoliage.jobs.leaves.cloud_run import POINTS_FILE, find_cloud_leaves, report_cloud_leaves, write_points
@@ -178,7 +179,7 @@ def _write_variations(
         text = "the plant has no variations: its stems are lines in photographs, and the cloud does not show them"
         return [], [remark("variations-without-branches", text)]
     skeletons: list[Skeleton] = []
-    reached: list[float] = []
+    reached: dict[int, float] = {}
     failed: list[Remark] = []
     for number in range(1, request.regrowth.variations + 1):
         try:
@@ -194,8 +195,9 @@ def _write_variations(
         )
         write_branches_model(call.out / VARIATION_MODEL.format(number=number), model)
         skeletons.append(model.skeleton)
-        reached.append(variation.reached)
-    return likeness_rows(found.drawn.skeleton, skeletons, reached), failed
+        reached[number] = variation.reached
+    rows = likeness_rows(found.drawn.skeleton, skeletons, list(reached.values()))
+    return rows, [*failed, *check_variations(reached)]
 
 
 def describe_failed_variation(number: int, error: FoliageError) -> Remark:
