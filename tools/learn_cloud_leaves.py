@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from usdfoliage.leaf.segmentation.cloud.forms import RegionForms, measure_regions
 from usdfoliage.leaf.segmentation.cloud.leafness import (
     MedianSize,
-    QuadraticForm,
     choose_regions,
     list_facts,
     measure_median_size,
@@ -27,14 +26,12 @@ from usdfoliage.leaf.segmentation.cloud.merge_tree import MergeTree, link_points
 from usdfoliage.leaf.segmentation.cloud.settings import CloudSegmentationSettings
 from usdfoliage.leaf.segmentation.cloud.working_cloud import WorkingCloud, prepare_cloud
 
+from tools.learned_forms import format_form, learn_form
 from tools.synthetic.scan import Scan
 from tools.synthetic.scanned_plants import ScannedPlant, list_training, scan_plant
 
 OUTPUT = Path(__file__).parents[1] / "pipeline/usdfoliage/leaf/segmentation/cloud/weights.toml"
 WORTHLESS, WORTH_ALL = 0.35, 0.75  # intersection over union
-OF_A_SCAN = 3000.0  # weight of all regions of one scan together
-RIDGE = 3.0
-ITERATIONS = 40
 MIN_LEAF = 8  # points of a true leaf that can be found
 
 Array = NDArray[np.float64]
@@ -75,42 +72,6 @@ def _overlaps(cloud: WorkingCloud, tree: MergeTree, node: NDArray[np.int64], lea
     return overlap
 
 
-def learn_form(facts: Sequence[Array], overlaps: Sequence[Array]) -> QuadraticForm:
-    """The quadratic form that gives the worth of regions best; every scan counts the same."""
-    everything = np.concatenate(facts)
-    worth = np.clip((np.concatenate(overlaps) - WORTHLESS) / (WORTH_ALL - WORTHLESS), 0, 1)
-    weight = np.concatenate([np.full(len(each), OF_A_SCAN / max(len(each), 1)) for each in facts])
-    middle, spread = np.average(everything, axis=0, weights=weight), everything.std(axis=0) + 1e-9
-    scaled = (everything - middle) / spread
-    low = np.tril_indices(scaled.shape[1])
-    design = np.column_stack([np.ones(len(scaled)), scaled, scaled[:, low[0]] * scaled[:, low[1]]])
-    solution = np.zeros(design.shape[1])
-    for _ in range(ITERATIONS):  # Newton's steps to the most likely weights
-        likely = 1 / (1 + np.exp(-np.clip(design @ solution, -30, 30)))
-        curvature = (design * (weight * likely * (1 - likely) + 1e-9)[:, None]).T @ design
-        curvature += RIDGE * np.eye(len(solution))
-        solution += np.linalg.solve(curvature, design.T @ (weight * (worth - likely)) - RIDGE * solution)
-    count = scaled.shape[1]
-    square = np.zeros((count, count))
-    square[low] = solution[1 + count :]
-    return QuadraticForm(
-        middle=middle, spread=spread, offset=float(solution[0]), linear=solution[1 : 1 + count], square=square
-    )
-
-
-def format_form(name: str, form: QuadraticForm) -> str:
-    """A table of weights.toml."""
-
-    def numbers(values: Array) -> str:
-        return "[" + ", ".join(f"{value:.4g}" for value in values.tolist()) + "]"
-
-    rows = "\n".join(f"  {numbers(row[: number + 1])}," for number, row in enumerate(form.square))
-    return (
-        f"[{name}]\noffset = {form.offset:.4g}\nmiddle = {numbers(form.middle)}\nspread = {numbers(form.spread)}\n"
-        f"linear = {numbers(form.linear)}\nsquare = [\n{rows}\n]\n"
-    )
-
-
 def learn(plants: Sequence[ScannedPlant], settings: CloudSegmentationSettings) -> str:
     """The text of weights.toml."""
     examples = []
@@ -118,16 +79,16 @@ def learn(plants: Sequence[ScannedPlant], settings: CloudSegmentationSettings) -
         example = make_example(scan_plant(plant), settings)
         print(f"{plant.name}: {len(example.forms):,} regions", file=sys.stderr, flush=True)
         examples.append(example)
-    overlaps = [example.overlap for example in examples]
+    worth = [np.clip((each.overlap - WORTHLESS) / (WORTH_ALL - WORTHLESS), 0, 1) for each in examples]
     by_form = [list_facts(example.forms, None) for example in examples]
-    form = learn_form(by_form, overlaps)
+    form = learn_form(by_form, worth)
     by_size = []
     for example, facts in zip(examples, by_form, strict=True):
         probability = form.probability(facts)
         chosen = choose_regions(example.forms, example.tree, probability, settings.min_probability)
         size = measure_median_size(example.forms, chosen, probability) or MedianSize(length_m=1.0, width_m=1.0)
         by_size.append(list_facts(example.forms, size))
-    with_size = learn_form(by_size, overlaps)
+    with_size = learn_form(by_size, worth)
     return "# Written by tools/learn_cloud_leaves.py.\n" + "\n".join(
         [format_form("form", form), format_form("form_and_size", with_size)]
     )

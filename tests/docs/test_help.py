@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 from usdfoliage.__main__ import COMMANDS, build_parser
-from usdfoliage.branch.tracing.reconstruct import BranchSettings
+from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.cli.help_format import HelpFormatter
 from usdfoliage.cli.options.setting_help import describe_setting, state_default
 from usdfoliage.jobs.leaves.settings import LeavesSettings

@@ -1,8 +1,12 @@
 """Scans of generated plants, to learn from and to measure by."""
 
 import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+from usdfoliage.branch.distances import sample_axes
 
 from tools.bench.cloud_leaves import compare_instances
+from tools.synthetic.leafy_trees import LeafyTree, list_leafy_trees, scan_leafy_tree
 from tools.synthetic.scan import CLUTTER, ScanSettings, scan_scene
 from tools.synthetic.shoots import SPECIES, grow_shoots
 
@@ -42,3 +46,25 @@ def test_instances_are_right_where_they_share_half_of_all_points():
     found[80:90] = 2  # of the third, which is too small to count
     found[100:120] = 3  # of none
     assert compare_instances(found, true) == (2, 3, 0.5, 1 / 3)
+
+
+def test_the_same_leafy_tree_gives_the_same_scan_with_twigs_and_leaves():
+    tree = LeafyTree(name="tree", height_m=3.0, markers=2500, leaves=500, scan=ScanSettings(points=5000), seed=5)
+    (scan, skeleton), (again, _) = scan_leafy_tree(tree), scan_leafy_tree(tree)
+    np.testing.assert_array_equal(scan.points_m, again.points_m)
+    assert len(np.unique(scan.leaf)) > 200
+    assert 0.1 < (scan.leaf < 0).mean() < 0.9
+    assert skeleton.order.max() >= 2
+    # Wood is where the skeleton is, within its noise and what its points are apart along it.
+    axis_m, radius_m, _ = sample_axes(skeleton, 0.004)
+    away_m, nearest = cKDTree(axis_m).query(scan.points_m[scan.leaf < 0])
+    bound_m = radius_m[nearest] + tree.scan.noise_m * 4 + 0.004
+    assert (away_m < bound_m).mean() > 0.7  # the others are stalks of leaves
+
+
+def test_every_fifth_leafy_tree_is_bare():
+    trees = list_leafy_trees(3, 10)
+    assert [tree.leaves == 0 for tree in trees] == [False] * 4 + [True] + [False] * 4 + [True]
+    assert {tree.crown for tree in trees} == {"ball", "column", "cone", "umbrella"}
+    with pytest.raises(ValueError, match="crown"):
+        LeafyTree(name="tree", crown="square")

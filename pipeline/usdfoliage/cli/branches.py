@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _add_tracing(parser: argparse._ActionsContainer) -> None:
     from usdfoliage.asset.parts.branch_part import BranchAssetSettings
-    from usdfoliage.branch.tracing.reconstruct import BranchSettings
+    from usdfoliage.branch.tracing.settings import BranchSettings
     from usdfoliage.jobs.branches.regrowth import MAX_SPREAD, MAX_VARIATIONS, METHODS, RegrowthRequest
     from usdfoliage.jobs.branches.surfaces import FACES_A_POINT, MAX_FACES, MIN_FACES, MIN_MAX_FACES
     from usdfoliage.jobs.plant_cloud import MIN_POINTS, PlantCloudRequest

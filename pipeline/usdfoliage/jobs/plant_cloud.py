@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdfoliage.branch.tracing.cloud_cut import point_spacing
 from usdfoliage.branch.tracing.ground import Ground, find_ground, no_ground
 from usdfoliage.branch.tracing.other_trees import find_other_trees
 from usdfoliage.branch.tracing.outliers import find_ground_remains, find_outliers
-from usdfoliage.branch.tracing.reconstruct import BranchSettings, point_spacing
 from usdfoliage.branch.tracing.roots import RootSettings, find_roots
+from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.capture.cloud_files.read import CloudInput, CloudInputSettings, read_cloud_input
 from usdfoliage.capture.cloud_files.thinning import PointThinner
 from usdfoliage.capture.cloud_files.units import UNITS

@@ -8,7 +8,9 @@ import pytest
 from scipy.spatial import cKDTree
 from usdfoliage.branch.distances import distances_to_cloud, distances_to_surface, sample_axes
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches, point_spacing, reconstruct_branches
+from usdfoliage.branch.tracing.cloud_cut import point_spacing
+from usdfoliage.branch.tracing.reconstruct import TracedBranches, reconstruct_branches
+from usdfoliage.branch.tracing.settings import BranchSettings
 
 from tests.support.branch_clouds import cloud_of, cone, line, small_tree, y_fork
 

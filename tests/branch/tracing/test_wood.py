@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.rooted_tree import RootedTree
-from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
+from usdfoliage.branch.tracing.reconstruct import TracedBranches, reconstruct_branches
 from usdfoliage.branch.tracing.sections import SectionTree
+from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.branch.tracing.wood import (
     WoodSettings,
     best_rooted_part,

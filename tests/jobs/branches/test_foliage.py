@@ -10,7 +10,7 @@ from usdfoliage.__main__ import build_parser, main
 from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.branch.foliage.species import load_species
-from usdfoliage.branch.tracing.reconstruct import BranchSettings
+from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.cli.options.branches import read_branches_request
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.jobs.branches.foliage import FoliageRequest, grow_leaves, read_fitted_leaves

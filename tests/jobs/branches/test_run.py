@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import main
-from usdfoliage.branch.tracing.reconstruct import BranchSettings
 from usdfoliage.branch.tracing.roots import RootSettings
+from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches import warnings
 from usdfoliage.jobs.branches.run import BranchesRequest, make_branches_asset

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from usdfoliage.branch.photographs.joined import StemPiece
-from usdfoliage.branch.tracing.reconstruct import BranchSettings
 from usdfoliage.branch.tracing.roots import RootSettings
+from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.jobs.branches.known_stems import KnownStems, describe_known_stems
 from usdfoliage.jobs.branches.run import BranchesRequest, find_branches
 from usdfoliage.jobs.branches.tracing import NoStemsError, trace_cloud

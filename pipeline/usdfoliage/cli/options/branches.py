@@ -13,7 +13,7 @@ from usdfoliage.branch.motion.rig import RigSettings
 from usdfoliage.branch.motion.sway import SwaySettings
 from usdfoliage.branch.motion.sway_frames import MAX_FRAMES
 from usdfoliage.branch.tracing.radii import RadiusSettings
-from usdfoliage.branch.tracing.reconstruct import BranchSettings
+from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.cli.options.leaf_commands import name_option, read_resolution
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError

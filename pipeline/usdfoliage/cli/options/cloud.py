@@ -41,7 +41,7 @@ def add_orientation(parser: argparse._ActionsContainer) -> None:
 
 def add_cloud_leaves(parser: argparse._ActionsContainer) -> None:
     """Whether the cloud has leaves."""
-    from usdfoliage.branch.tracing.reconstruct import BranchSettings
+    from usdfoliage.branch.tracing.settings import BranchSettings
 
     parser.add_argument(
         "--cloud-leaves",

@@ -25,7 +25,8 @@ from usdfoliage.branch.growth.regrowth import (
 from usdfoliage.branch.growth.seen_stems import fair_stems, thick_stems
 from usdfoliage.branch.growth.settings import GrowthSettings
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.branch.tracing.reconstruct import TracedBranches, point_spacing
+from usdfoliage.branch.tracing.cloud_cut import point_spacing
+from usdfoliage.branch.tracing.reconstruct import TracedBranches
 from usdfoliage.errors import FitError
 from usdfoliage.jobs.branches.warnings import REACHED, check_growth
 from usdfoliage.jobs.plant_cloud import PlantCloud

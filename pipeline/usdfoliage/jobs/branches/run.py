@@ -23,7 +23,8 @@ from usdfoliage.branch.cage.surfaces import BranchSurfaces
 from usdfoliage.branch.internodes import measure_internode_m
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.tracing.free_axes import points_of_branches
-from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches
+from usdfoliage.branch.tracing.reconstruct import TracedBranches
+from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.files.hashing import digest_file
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.jobs.branches.foliage import (

@@ -8,7 +8,8 @@ import numpy as np
 from usdfoliage.branch.tracing.free_axes import keep_free_branches, points_of_branches
 from usdfoliage.branch.tracing.higher_feet import stands_on_stem
 from usdfoliage.branch.tracing.radii import Radii
-from usdfoliage.branch.tracing.reconstruct import BranchSettings, TracedBranches, reconstruct_branches
+from usdfoliage.branch.tracing.reconstruct import TracedBranches, reconstruct_branches
+from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.errors import FitError
 from usdfoliage.jobs.branches.known_stems import KnownStems, describe_known_stems
 from usdfoliage.jobs.branches.warnings import FEW_ROUND, check_stems

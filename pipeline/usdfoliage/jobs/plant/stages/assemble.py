@@ -21,7 +21,7 @@ from usdfoliage.branch.foliage.species import GENERIC, load_species
 from usdfoliage.branch.model_file import TracedPlant
 from usdfoliage.branch.motion.rig import RigSettings
 from usdfoliage.branch.motion.sway import SwaySettings
-from usdfoliage.branch.tracing.reconstruct import BranchSettings
+from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.capture.cloud_files.ply import read_cloud
 from usdfoliage.errors import FitError, FoliageError, PreviewError, PreviewTimeoutError
 from usdfoliage.files.npz import write_arrays

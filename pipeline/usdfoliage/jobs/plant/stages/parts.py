@@ -15,8 +15,8 @@ from usdfoliage.branch.foliage.species import GENERIC, Species, load_library, lo
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.model_file import BranchesModel, TracedPlant, write_branches_model, write_traced_plant
 from usdfoliage.branch.tracing.radii import RadiusSettings
-from usdfoliage.branch.tracing.reconstruct import BranchSettings
 from usdfoliage.branch.tracing.roots import RootSettings
+from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.capture.folder.listing import MASKS
 from usdfoliage.crown.hull import HullSettings
 from usdfoliage.crown.model_file import write_crown_model

@@ -12,9 +12,8 @@ from importlib.resources import files
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit
 
-from usdfoliage.files.toml import parse_toml
+from usdfoliage.geometry.quadratic_form import QuadraticForm, parse_form
 from usdfoliage.leaf.segmentation.cloud.forms import RegionForms
 from usdfoliage.leaf.segmentation.cloud.merge_tree import MergeTree
 
@@ -47,23 +46,6 @@ class MedianSize:
 
     length_m: float
     width_m: float
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class QuadraticForm:
-    """The logarithm of the odds of K facts x: offset + linear z + z square z, with z = (x - middle) / spread."""
-
-    middle: NDArray[np.float64]  # (K,)
-    spread: NDArray[np.float64]  # (K,)
-    offset: float
-    linear: NDArray[np.float64]  # (K,)
-    square: NDArray[np.float64]  # (K, K)
-
-    def probability(self, facts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(R,), 0 to 1, of facts (R, K)."""
-        scaled = (facts - self.middle) / self.spread
-        odds = self.offset + scaled @ self.linear + np.einsum("ri,ij,rj->r", scaled, self.square, scaled, optimize=True)
-        return np.asarray(expit(odds))
 
 
 def list_facts(forms: RegionForms, size: MedianSize | None) -> NDArray[np.float64]:
@@ -140,15 +122,4 @@ def measure_median_size(
 @functools.cache
 def read_form(name: str) -> QuadraticForm:
     """The form of this name in weights.toml."""
-    table = parse_toml(files(__package__).joinpath(_WEIGHTS).read_text("utf-8"))[name]
-    rows = table["square"]  # the lower triangle
-    square = np.zeros((len(rows), len(rows)))
-    for number, row in enumerate(rows):
-        square[number, : number + 1] = row
-    return QuadraticForm(
-        middle=np.array(table["middle"]),
-        spread=np.array(table["spread"]),
-        offset=float(table["offset"]),
-        linear=np.array(table["linear"]),
-        square=square,
-    )
+    return parse_form(files(__package__).joinpath(_WEIGHTS).read_text("utf-8"), name)
