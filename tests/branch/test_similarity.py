@@ -80,11 +80,14 @@ def test_a_twig_is_neither_a_crown_nor_an_order():
 
 
 def test_likeness_is_reported_in_figures():
-    assert likeness_rows(fork(), []) == []
-    rows = likeness_rows(y_tree(60, 1, 8), [y_tree(60, 1, 8), y_tree(30, 1, 8)])
+    assert likeness_rows(fork(), [], []) == []
+    rows = likeness_rows(y_tree(60, 1, 8), [y_tree(60, 1, 8), y_tree(30, 1, 8)], [1.0, 0.97])
     assert rows[0].value.endswith("to the plant, 0.86 to each other")
     assert rows[0].value.startswith("0.86 to 1.00")
-    assert [row.value for row in rows[1::2]] == ["4.00 m", "30 to 60°"]
+    values = [row.value for row in rows]
+    assert values[1] == "4.00 m, coefficient of variation 0.0 %"
+    assert values[3] == "30 to 60°, coefficient of variation 33.3 %"
+    assert values[4] == "97.0 to 100.0 %"
     assert rows[1].remark == "4.00 m of the plant"
 
 
@@ -98,9 +101,9 @@ def test_a_plant_that_hangs_or_lies_has_traits_too():
 
 def test_no_fork_angle_is_reported_where_there_is_no_fork():
     stem = plant_of((np.linspace([0, 0, 0], [0, 2, 0], 21), 0.05, None, -1))
-    names = [row.name for row in likeness_rows(stem, [stem, stem])]
+    names = [row.name for row in likeness_rows(stem, [stem, stem], [1.0, 1.0])]
     assert "height of variations" in names
     assert "mean fork angle of variations" not in names
-    rows = likeness_rows(fork(), [fork(), stem])
+    rows = likeness_rows(fork(), [fork(), stem], [1.0, 1.0])
     assert "nan" not in "".join(f"{row.value}{row.remark}" for row in rows)
     assert "mean fork angle of variations" in [row.name for row in rows]

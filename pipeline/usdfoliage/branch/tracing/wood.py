@@ -27,7 +27,7 @@ _MAX_SECTIONS = 250  # of a path within a window
 # regression, rounded, on a simulated tree with leaves of several sizes, scanned and sampled at several spacings and
 # noises, the same without leaves, and two real clouds without leaves and with simulated ones.
 _WEIGHTS = (-1.3, 1.8, 1.2, 2.5, 0.8)
-_MAX_SURE = 6.0  # logarithm of the odds
+MAX_SURE = 6.0  # logarithm of the odds
 _STEM_SURE = 3.0  # of what is on a thick stem
 
 
@@ -38,6 +38,7 @@ class WoodSettings:
     leaf_m: float = 0.1  # length of a typical leaf
     leaf_spacings: float = 3.0  # distances to the sixth neighbour in it, fewer of which do not show what it is
     leafless: float = 0.75  # share of the sections' length that is wood, from which on a plant has no leaves
+    learned: float = 0.5  # weight of the odds learned of generated trees (wood_facts.py); the others are of paths alone
     caution: float = 0.5  # added to the logarithm of the odds for wood: among leaves it looks less like it
     color_caution: float = 1.2  # likewise, where colours distinguish wood from leaves well
     color_weight: float = 2.0  # of the odds by colours: a section has more than one independent point
@@ -55,6 +56,8 @@ class WoodSettings:
             raise ValueError(
                 f"caution, color_caution and color_weight must be numbers, color_weight not below 0: {self}"
             )
+        if not 0 <= self.learned <= 1:
+            raise ValueError(f"learned must be in [0, 1], not {self.learned}")
         if self.max_turns < 1:
             raise ValueError(f"max_turns must be at least 1, not {self.max_turns}")
 
@@ -104,7 +107,7 @@ def choose_wood(sections: SectionTree, odds: NDArray[np.float64], stem: NDArray[
         spacing_m: To the sixth neighbour.
     """
     step_m = step_lengths(sections.center_m, sections.parent)
-    sure = np.where(stem, _STEM_SURE, np.clip(odds, -_MAX_SURE, _MAX_SURE))
+    sure = np.where(stem, _STEM_SURE, np.clip(odds, -MAX_SURE, MAX_SURE))
     kept = best_rooted_part(RootedTree(sections.parent), sure * np.maximum(step_m, 0.05 * spacing_m))
     whole_m = float(step_m.sum())
     return Wood(sections=kept, share=float(step_m[kept].sum()) / whole_m if whole_m > 0 else 1.0)

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 from usdfoliage.branch.tracing.sections import SectionTree
-from usdfoliage.branch.tracing.wood import wood_features
+from usdfoliage.branch.tracing.wood import MAX_SURE, wood_features
 from usdfoliage.geometry.directions import unit_vectors
 from usdfoliage.geometry.point_cells import one_in_each_cell
 from usdfoliage.geometry.quadratic_form import QuadraticForm, parse_form
@@ -32,7 +32,6 @@ _ALONG = 8.0  # of a path to both sides, over which facts are averaged
 _MAX_ALONG = 40  # sections of it
 _BLOCK = 16_384  # sections at a time, so that temporaries stay small
 _EXTREME = 5.0  # standard deviations of a fact, beyond which nothing changes
-_MAX_SURE = 6.0  # logarithm of the odds
 
 Array = NDArray[np.float64]
 
@@ -48,7 +47,7 @@ def learned_wood_odds(points_m: Array, sections: SectionTree, spacing_m: float) 
     form = _read_weights()
     facts = wood_facts(points_m, sections, spacing_m)
     low, high = form.middle - _EXTREME * form.spread, form.middle + _EXTREME * form.spread
-    return np.asarray(np.clip(form.odds(np.clip(facts, low, high)), -_MAX_SURE, _MAX_SURE))
+    return np.asarray(np.clip(form.odds(np.clip(facts, low, high)), -MAX_SURE, MAX_SURE))
 
 
 def wood_facts(points_m: Array, sections: SectionTree, spacing_m: float) -> Array:
