@@ -159,10 +159,12 @@ def test_the_memory_of_what_a_command_starts_counts(run_fake):
 
     small = run_fake(refuse)
     large = run_fake(start_child)
-    assert large.peak_bytes > small.peak_bytes + 200e6
-    (fault,) = run_fake(start_child, WorstLimits(memory_bytes=large.peak_bytes - 50e6)).faults
+    # What the process that was just forked shares with its parent counts twice for a moment, in some runs.
+    limit_bytes = small.peak_bytes + 200e6
+    assert large.peak_bytes > limit_bytes
+    (fault,) = run_fake(start_child, WorstLimits(memory_bytes=limit_bytes)).faults
     assert fault.startswith("memory: ")
-    stopped = run_fake(start_child, WorstLimits(stop_bytes=large.peak_bytes - 50e6))
+    stopped = run_fake(start_child, WorstLimits(stop_bytes=limit_bytes))
     assert stopped.faults[0].startswith("memory: ended at")
     assert stopped.ended.waited_s < large.ended.waited_s
 
