@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from usdfoliage.branch.rooted_tree import step_lengths
 from usdfoliage.branch.tracing.cloud_cut import cut_cloud, point_spacing, points_in_thick_branches, sections_on_stems
 from usdfoliage.branch.tracing.settings import BranchSettings
-from usdfoliage.branch.tracing.wood import choose_wood, shows_leaves, wood_odds
+from usdfoliage.branch.tracing.wood import choose_wood, shows_leaves, wood_features, wood_odds
 from usdfoliage.branch.tracing.wood_facts import wood_facts
 from usdfoliage.geometry.point_cells import cell_means
 
@@ -58,10 +58,11 @@ def make_example(points_m: Array, is_wood: NDArray[np.bool_], rng: np.random.Gen
         stems = sections_on_stems(cut)
         step = step_lengths(cut.sections.center_m, cut.sections.parent) / spacing_m
         share = cell_means(is_wood[left].astype(np.float64)[:, None], cut.sections.section)[:, 0]
-        facts.append(wood_facts(points_m, cut.sections, cut.spacing_m)[~stems])
+        features = wood_features(points_m, cut.sections, cut.spacing_m)
+        facts.append(wood_facts(points_m, cut.sections, cut.spacing_m, features)[~stems])
         wood.append(share[~stems])
         length.append(np.clip(step[~stems], 0.05, MAX_STEP))
-        odds = wood_odds(points_m, cut.sections, cut.spacing_m) + settings.wood.caution
+        odds = wood_odds(features) + settings.wood.caution
         found = choose_wood(cut.sections, odds, stems, cut.spacing_m)
         kept = found.sections[cut.sections.section] | sure[left]
         if found.share >= settings.wood.settled or kept.sum() < 2:

@@ -5,6 +5,7 @@ Also of what is no tree: rectangles, as of walls and roofs, and blocks of leaves
 
 import numpy as np
 from usdfoliage.branch.model import Skeleton
+from usdfoliage.branch.tracing.sections import SectionTree
 
 from tests.support.branch_shapes import plant_of
 
@@ -166,3 +167,14 @@ def block(size_m, count: int, seed: int = 0, middle_m: float | None = None) -> n
         inside_m[:, 1] = size_m[1] - points_m[:, 1]
         points_m = points_m[rng.uniform(0, 1, len(points_m)) < np.exp(-inside_m.min(axis=1) / middle_m)]
     return points_m[:count]
+
+
+def chain(points_m: np.ndarray) -> SectionTree:
+    """Each point a section, one after the other."""
+    count = len(points_m)
+    return SectionTree(
+        center_m=points_m,
+        points=np.ones(count, np.int32),
+        parent=np.arange(-1, count - 1, dtype=np.int32),
+        section=np.arange(count, dtype=np.int32),
+    )

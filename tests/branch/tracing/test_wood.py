@@ -10,7 +10,6 @@ from scipy.spatial import cKDTree
 from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.rooted_tree import RootedTree
 from usdfoliage.branch.tracing.reconstruct import TracedBranches, reconstruct_branches
-from usdfoliage.branch.tracing.sections import SectionTree
 from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.branch.tracing.wood import (
     WoodSettings,
@@ -21,21 +20,10 @@ from usdfoliage.branch.tracing.wood import (
     wood_odds,
 )
 
-from tests.support.branch_clouds import cloud_of, leaves_on, line, small_tree, twiggy_tree
+from tests.support.branch_clouds import chain, cloud_of, leaves_on, line, small_tree, twiggy_tree
 
 FOOT_M = np.zeros((1, 3))
 NOISE_M = 0.002
-
-
-def chain(points_m: np.ndarray) -> SectionTree:
-    """Each point a section, one after the other."""
-    count = len(points_m)
-    return SectionTree(
-        center_m=points_m,
-        points=np.ones(count, np.int32),
-        parent=np.arange(-1, count - 1, dtype=np.int32),
-        section=np.arange(count, dtype=np.int32),
-    )
 
 
 def wood_cloud() -> np.ndarray:
@@ -95,7 +83,9 @@ def test_a_larger_plant_has_the_features_of_a_small_one(scale):
 
 def test_a_single_section_is_wood():
     points_m = np.zeros((1, 3))
-    found = choose_wood(chain(points_m), wood_odds(points_m, chain(points_m), 0.01), np.zeros(1, bool), 0.01)
+    found = choose_wood(
+        chain(points_m), wood_odds(wood_features(points_m, chain(points_m), 0.01)), np.zeros(1, bool), 0.01
+    )
     assert found.sections.all()
     assert found.share == 1
 
@@ -103,7 +93,7 @@ def test_a_single_section_is_wood():
 def test_more_caution_keeps_no_less():
     points_m = np.random.default_rng(2).normal(0, 0.01, (500, 3)).cumsum(axis=0)
     nothing = np.zeros(500, bool)
-    odds = wood_odds(points_m, chain(points_m), 0.013)
+    odds = wood_odds(wood_features(points_m, chain(points_m), 0.013))
     kept = [choose_wood(chain(points_m), odds + caution, nothing, 0.013).sections for caution in (-2, 0, 2)]
     assert (kept[0] <= kept[1]).all()
     assert (kept[1] <= kept[2]).all()

@@ -7,11 +7,11 @@ import pytest
 from usdfoliage.branch.tracing.cloud_cut import Cut, cut_cloud, point_spacing, sections_on_stems
 from usdfoliage.branch.tracing.sections import SectionTree
 from usdfoliage.branch.tracing.settings import BranchSettings
-from usdfoliage.branch.tracing.wood import wood_odds
+from usdfoliage.branch.tracing.wood import wood_features, wood_odds
 from usdfoliage.branch.tracing.wood_facts import learned_wood_odds, wood_facts
 from usdfoliage.geometry.point_cells import cell_means
 
-from tests.support.branch_clouds import line
+from tests.support.branch_clouds import chain, line
 from tools.synthetic.leafy_trees import LeafyTree, scan_leafy_tree
 from tools.synthetic.scan import ScanSettings
 
@@ -19,15 +19,8 @@ SPACING_M = 0.01
 LONGER, FLATTER, ALONG_PATH = 5, 6, 7  # facts of what is within two spacings
 
 
-def chain(points_m: np.ndarray) -> SectionTree:
-    """Each point a section, one after the other."""
-    count = len(points_m)
-    return SectionTree(
-        center_m=points_m,
-        points=np.ones(count, np.int32),
-        parent=np.arange(-1, count - 1, dtype=np.int32),
-        section=np.arange(count, dtype=np.int32),
-    )
+def facts_of(points_m: np.ndarray, sections: SectionTree, spacing_m: float = SPACING_M) -> np.ndarray:
+    return wood_facts(points_m, sections, spacing_m, wood_features(points_m, sections, spacing_m))
 
 
 @cache
@@ -52,8 +45,8 @@ def test_around_a_line_points_lie_along_it_and_around_a_plane_they_do_not():
     side = np.arange(-20, 21) * 0.005
     on_plane_m = np.stack(np.meshgrid(side, side, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
     middle_m = line([0, -0.05, 0], [0, 0.05, 0], 21)
-    of_line = wood_facts(on_line_m, chain(on_line_m), SPACING_M)[100:300]
-    of_plane = wood_facts(on_plane_m, chain(middle_m), SPACING_M)[5:16]
+    of_line = facts_of(on_line_m, chain(on_line_m))[100:300]
+    of_plane = facts_of(on_plane_m, chain(middle_m))[5:16]
     assert of_line[:, LONGER].min() > of_plane[:, LONGER].max() + 1
     assert of_plane[:, FLATTER].min() > of_line[:, FLATTER].max() + 1
     np.testing.assert_allclose(of_line[:, ALONG_PATH], 1, atol=1e-9)
@@ -68,8 +61,8 @@ def test_facts_do_not_depend_on_the_size_of_the_plant(scale):
         parent=cut.sections.parent,
         section=cut.sections.section,
     )
-    facts = wood_facts(points_m, cut.sections, cut.spacing_m)
-    scaled = wood_facts(scale * points_m, some, scale * cut.spacing_m)
+    facts = facts_of(points_m, cut.sections, cut.spacing_m)
+    scaled = facts_of(scale * points_m, some, scale * cut.spacing_m)
     assert facts.shape == (len(cut.sections), 31)
     assert np.isfinite(facts).all()
     # Of thinned points others may be taken, and of many points at one distance.
@@ -80,12 +73,15 @@ def test_the_learned_odds_know_wood_better_than_those_of_the_path_alone():
     points_m, is_wood, cut = leafy_cut()
     share = cell_means(is_wood.astype(np.float64)[:, None], cut.sections.section)[:, 0]
     known = ((share < 0.1) | (share > 0.9)) & ~sections_on_stems(cut)
-    learned = rank(learned_wood_odds(points_m, cut.sections, cut.spacing_m)[known], share[known] > 0.5)
-    of_path = rank(wood_odds(points_m, cut.sections, cut.spacing_m)[known], share[known] > 0.5)
+    features = wood_features(points_m, cut.sections, cut.spacing_m)
+    odds = learned_wood_odds(points_m, cut.sections, cut.spacing_m, features)
+    learned = rank(odds[known], share[known] > 0.5)
+    of_path = rank(wood_odds(features)[known], share[known] > 0.5)
     assert learned > 0.85
     assert learned > of_path + 0.03
 
 
 def test_a_plant_of_few_points_has_odds():
     points_m = line([0, 0, 0], [0, 1, 0], 3)
-    assert np.isfinite(learned_wood_odds(points_m, chain(points_m), SPACING_M)).all()
+    features = wood_features(points_m, chain(points_m), SPACING_M)
+    assert np.isfinite(learned_wood_odds(points_m, chain(points_m), SPACING_M, features)).all()

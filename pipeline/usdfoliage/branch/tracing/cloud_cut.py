@@ -47,6 +47,14 @@ def cut_cloud(
     """Sections of a cloud, as thick as the stem or the twig that they are of asks for.
 
     Thin slices of leaves look like twigs: where leaves are looked for, slices are thicker.
+
+    Args:
+        points_m: (N, 3), Y up.
+        roots_m: (R, 3), where its stems come out of the ground.
+        internode_m: Of the plant.
+        spacing_m: To the sixth neighbour.
+        settings: How.
+        all_wood: Whether all points are taken for wood.
     """
     graph = link_points(points_m, settings.graph)
     feet, of_root = _find_feet(points_m, roots_m, spacing_m)

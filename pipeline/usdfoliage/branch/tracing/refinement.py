@@ -135,13 +135,9 @@ def _nodes_needed(
     # An edge stands for a piece of the curve that turns little.
     turns = turns_rad(skeleton)
     kept |= fixed & (turns > _STRAIGHT)
-    turned = np.cumsum(turns) / np.radians(settings.max_turn_deg)
-    step = np.floor(turned - turned[skeleton.first][skeleton.curve])
-    kept[1:] |= (step[1:] > step[:-1]) & (skeleton.curve[1:] == skeleton.curve[:-1])
+    kept |= _begins_piece(skeleton, turns / np.radians(settings.max_turn_deg))
     longest_m = np.maximum(settings.longest * internode_m, settings.longest_radii * skeleton.radius_m)
-    edges = np.cumsum(np.linalg.norm(skeleton.edges_m, axis=1) / longest_m)
-    step = np.floor(edges - edges[skeleton.first][skeleton.curve])
-    kept[1:] |= (step[1:] > step[:-1]) & (skeleton.curve[1:] == skeleton.curve[:-1])
+    kept |= _begins_piece(skeleton, np.linalg.norm(skeleton.edges_m, axis=1) / longest_m)
     # As D. Douglas and T. Peucker, 1973, with the radius as a further coordinate, of all edges at once.
     while True:
         anchors = np.flatnonzero(kept)
@@ -167,6 +163,15 @@ def _nodes_needed(
             break
         kept[found] = True
     return kept
+
+
+def _begins_piece(skeleton: Skeleton, shares: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(V,) vertices at which a further whole one is reached of the shares (V,) that are summed along each branch."""
+    summed = np.cumsum(shares)
+    piece = np.floor(summed - summed[skeleton.first][skeleton.curve])
+    begins = np.zeros(len(piece), bool)
+    begins[1:] = (piece[1:] > piece[:-1]) & (skeleton.curve[1:] == skeleton.curve[:-1])
+    return begins
 
 
 def turns_rad(skeleton: Skeleton) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ enough wood is beyond it. The features and the tree are our own; the idea of a p
 M. Vicari et al., Leaf and wood classification framework for terrestrial LiDAR point clouds, 2019.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,15 +76,9 @@ def shows_leaves(spacing_m: float, settings: WoodSettings = WoodSettings()) -> b
     return settings.leaf_spacings * spacing_m <= settings.leaf_m
 
 
-def wood_odds(points_m: NDArray[np.float64], sections: SectionTree, spacing_m: float) -> NDArray[np.float64]:
-    """(S,) logarithm of the odds that a section is of wood, by what it looks like.
-
-    Args:
-        points_m: (N, 3), of the cloud with all its leaves, those that were left out of the sections among them.
-        sections: Of the points, or of some of them.
-        spacing_m: To the sixth neighbour.
-    """
-    return np.asarray(_WEIGHTS[0] + wood_features(points_m, sections, spacing_m) @ _WEIGHTS[1:])
+def wood_odds(features: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(S,) logarithm of the odds that a section is of wood, by its features (S, 4) as wood_features measures them."""
+    return np.asarray(_WEIGHTS[0] + features @ _WEIGHTS[1:])
 
 
 def caution_with_colors(color_odds: NDArray[np.float64], settings: WoodSettings) -> float:
@@ -150,6 +145,36 @@ def wood_features(points_m: NDArray[np.float64], sections: SectionTree, spacing_
     return np.column_stack([*straight, few, -np.log(np.asarray(near) + 0.5)])
 
 
+def walk_paths(
+    parent: NDArray[np.signedinteger],
+    following: NDArray[np.signedinteger],
+    step_m: NDArray[np.float64],
+    window_m: float,
+    max_sections: int,
+) -> Iterator[tuple[NDArray[np.signedinteger], NDArray[np.signedinteger]]]:
+    """Sections (K,), and for each the next one (K,) of its path within window_m: towards the root, then away from it.
+
+    Args:
+        parent: (S,), -1 for roots.
+        following: (S,), the section in which a path goes on; -1 at its end.
+        step_m: (S,), length from each section's parent to it.
+        window_m: Along the path, to either side.
+        max_sections: To either side.
+    """
+    for upwards in (False, True):
+        own: NDArray[np.signedinteger] = np.arange(len(parent))
+        at: NDArray[np.signedinteger] = own
+        path_m = np.zeros(len(parent))
+        for _ in range(max_sections):
+            beside = following[at] if upwards else parent[at]
+            path_m = path_m + np.where(beside < 0, np.inf, step_m[beside] if upwards else step_m[at])
+            on = path_m <= window_m
+            if not on.any():
+                break
+            own, at, path_m = own[on], beside[on], path_m[on]
+            yield own, at
+
+
 def _straightness(
     sections: SectionTree,
     step_m: NDArray[np.float64],
@@ -162,21 +187,11 @@ def _straightness(
     count_near = np.ones(count)
     total = np.zeros((count, 3))  # of the path's sections, from the own one, so that no digits are lost
     square = np.zeros((count, 3, 3))
-    for upwards in (False, True):
-        own: NDArray[np.signedinteger] = np.arange(count)
-        at: NDArray[np.signedinteger] = own
-        path_m = np.zeros(count)
-        for _ in range(_MAX_SECTIONS):
-            beside = following[at] if upwards else sections.parent[at]
-            path_m = path_m + np.where(beside < 0, np.inf, step_m[beside] if upwards else step_m[at])
-            on = path_m <= window_m
-            if not on.any():
-                break
-            own, at, path_m = own[on], beside[on], path_m[on]
-            offset_m = center_m[at] - center_m[own]
-            count_near[own] += 1
-            total[own] += offset_m
-            square[own] += offset_m[:, :, None] * offset_m[:, None, :]
+    for own, at in walk_paths(sections.parent, following, step_m, window_m, _MAX_SECTIONS):
+        offset_m = center_m[at] - center_m[own]
+        count_near[own] += 1
+        total[own] += offset_m
+        square[own] += offset_m[:, :, None] * offset_m[:, None, :]
     mean_m = total / count_near[:, None]
     spread = np.linalg.eigvalsh(square / count_near[:, None, None] - mean_m[:, :, None] * mean_m[:, None, :])
     long_m, wide_m = np.sqrt(np.maximum(spread[:, 2], 0)), np.sqrt(np.maximum(spread[:, 1], 0))

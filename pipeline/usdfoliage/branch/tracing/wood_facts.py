@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 from usdfoliage.branch.tracing.sections import SectionTree
-from usdfoliage.branch.tracing.wood import MAX_SURE, wood_features
+from usdfoliage.branch.tracing.wood import MAX_SURE, walk_paths
 from usdfoliage.geometry.directions import unit_vectors
 from usdfoliage.geometry.point_cells import one_in_each_cell
 from usdfoliage.geometry.quadratic_form import QuadraticForm, parse_form
@@ -36,22 +36,26 @@ _EXTREME = 5.0  # standard deviations of a fact, beyond which nothing changes
 Array = NDArray[np.float64]
 
 
-def learned_wood_odds(points_m: Array, sections: SectionTree, spacing_m: float) -> Array:
+def learned_wood_odds(points_m: Array, sections: SectionTree, spacing_m: float, features: Array) -> Array:
     """(S,) logarithm of the odds that a section is of wood, where a plant is known to have leaves.
 
     Args:
         points_m: (N, 3), of the cloud with all its leaves, those that were left out of the sections among them.
         sections: Of the points, or of some of them.
         spacing_m: To the sixth neighbour.
+        features: (S, 4), as wood_features measures them.
     """
     form = _read_weights()
-    facts = wood_facts(points_m, sections, spacing_m)
+    facts = wood_facts(points_m, sections, spacing_m, features)
     low, high = form.middle - _EXTREME * form.spread, form.middle + _EXTREME * form.spread
     return np.asarray(np.clip(form.odds(np.clip(facts, low, high)), -MAX_SURE, MAX_SURE))
 
 
-def wood_facts(points_m: Array, sections: SectionTree, spacing_m: float) -> Array:
-    """(S, 31), what the odds are weighed by: ratios and logarithms of such, which do not depend on the plant's size."""
+def wood_facts(points_m: Array, sections: SectionTree, spacing_m: float, features: Array) -> Array:
+    """(S, 31), what the odds are weighed by: ratios and logarithms of such, which do not depend on the plant's size.
+
+    Arguments are those of learned_wood_odds.
+    """
     tree = RootedTree(sections.parent)
     step_m = step_lengths(sections.center_m, sections.parent)
     carried_m = tree.sum_above(step_m)
@@ -76,7 +80,7 @@ def wood_facts(points_m: Array, sections: SectionTree, spacing_m: float) -> Arra
     )
     near = np.concatenate([forms[0][:, :4], forms[1][:, :4]], axis=1)
     along = _means_along(near, sections.parent, following, step_m, _ALONG * spacing_m)
-    return np.concatenate([wood_features(points_m, sections, spacing_m), *forms, paths, along], axis=1)
+    return np.concatenate([features, *forms, paths, along], axis=1)
 
 
 @functools.cache
@@ -134,17 +138,7 @@ def _means_along(
 ) -> Array:
     """(S, K) means of facts (S, K) over the path within window_m to both sides of each section."""
     total, count = facts.copy(), np.ones(len(facts))
-    for upwards in (False, True):
-        own: NDArray[np.signedinteger] = np.arange(len(facts))
-        at: NDArray[np.signedinteger] = own
-        path_m = np.zeros(len(facts))
-        for _ in range(_MAX_ALONG):
-            beside = following[at] if upwards else parent[at]
-            path_m = path_m + np.where(beside < 0, np.inf, step_m[beside] if upwards else step_m[at])
-            on = path_m <= window_m
-            if not on.any():
-                break
-            own, at, path_m = own[on], beside[on], path_m[on]
-            total[own] += facts[at]
-            count[own] += 1
+    for own, at in walk_paths(parent, following, step_m, window_m, _MAX_ALONG):
+        total[own] += facts[at]
+        count[own] += 1
     return total / count[:, None]

@@ -13,7 +13,7 @@ from usdfoliage.branch.tracing.cloud_cut import (
     sections_on_stems,
 )
 from usdfoliage.branch.tracing.settings import BranchSettings
-from usdfoliage.branch.tracing.wood import MAX_SURE, caution_with_colors, choose_wood, wood_odds
+from usdfoliage.branch.tracing.wood import MAX_SURE, caution_with_colors, choose_wood, wood_features, wood_odds
 from usdfoliage.branch.tracing.wood_colors import blur_colors, color_odds
 from usdfoliage.branch.tracing.wood_facts import learned_wood_odds
 from usdfoliage.geometry.point_cells import cell_means
@@ -39,14 +39,15 @@ def find_wood(
     for turn in range(settings.wood.max_turns):
         report("wood", 0.5 + 0.2 * turn / settings.wood.max_turns)
         stems = sections_on_stems(cut)
-        odds = wood_odds(points_m, cut.sections, cut.spacing_m)
+        features = wood_features(points_m, cut.sections, cut.spacing_m)
+        odds = wood_odds(features)
         if settings.leaves == "auto" and turn == 0:
             share = choose_wood(cut.sections, odds + settings.wood.caution, stems, cut.spacing_m).share
             logger.info("%.0f %% of the sections' length look like wood", 100 * share)
             if share >= settings.wood.leafless:
                 break
         # Neither alone: what was learned of trees is mistaken where a herb's noise is as large as its leaves.
-        learned = learned_wood_odds(points_m, cut.sections, cut.spacing_m)
+        learned = learned_wood_odds(points_m, cut.sections, cut.spacing_m, features)
         odds = settings.wood.learned * learned + (1 - settings.wood.learned) * np.clip(odds, -MAX_SURE, MAX_SURE)
         found = choose_wood(cut.sections, odds + settings.wood.caution, stems, cut.spacing_m)
         logger.info("%.0f %% of the sections' length is wood", 100 * found.share)
