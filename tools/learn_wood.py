@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""Learn by what sections of a leafy cloud are recognised as wood, of scans of generated trees, and write the weights.
+"""Learn by what sections of a leafy cloud are recognised as wood, from scans of generated trees, and write the weights.
 
 usage: tools/learn_wood.py [--seed 500] [--trees 60] [-o WEIGHTS.toml]
 
-Every section that the search for wood cuts is compared with the true wood; it counts by its length along its path.
-The trees are those of tools/synthetic/leafy_trees.py; those whose points are too far apart to recognise leaves are
-left out.
+Of each scan up to 6,000 sections, drawn at random from those that are on no stem, are compared with the true wood; a
+section counts by its length along its path. Leaves are left out turn after turn by the odds of paths alone, so that
+the weights do not depend on weights that were learned before. The trees are those of tools/synthetic/leafy_trees.py;
+those whose points are too far apart to recognise leaves are left out.
 """
 
 import argparse
@@ -96,6 +97,8 @@ def main() -> int:
     parser.add_argument("--trees", type=int, default=60)
     parser.add_argument("-o", "--output", type=Path, default=OUTPUT)
     options = parser.parse_args()
+    if options.trees < 1:
+        parser.error("--trees must be 1 or more")
     options.output.write_text(learn(options.seed, options.trees), "utf-8")
     return 0
 

@@ -134,9 +134,7 @@ def scan_leafy_tree(tree: LeafyTree) -> tuple[Scan, Skeleton]:
 def _grow(tree: LeafyTree, rng: np.random.Generator) -> Skeleton:
     points = rng.normal(size=(tree.markers, 3))
     points *= (rng.random(tree.markers) ** (1 / 3) / np.linalg.norm(points, axis=1))[:, None]
-    half, wide = {"ball": (0.36, 0.3), "column": (0.42, 0.13), "cone": (0.42, 0.25), "umbrella": (0.2, 0.42)}[
-        tree.crown
-    ]
+    half, wide = CROWNS[tree.crown]
     if tree.crown == "cone":
         points[:, [0, 2]] *= (0.5 * (1.15 - points[:, 1]))[:, None]
     middle = 1 - half - 0.02

@@ -114,11 +114,11 @@ def _add_tracing(parser: argparse._ActionsContainer) -> None:
     )
     parser.add_argument(
         "--variation-spread",
-        metavar="SHARE",
+        metavar="FACTOR",
         type=float,
         default=RegrowthRequest.variation_spread,
-        help="How much these differ in height, crown, limbs and stem: 1, the default, as trees of one stand do; 0 "
-        f"within the outline of the plant; {MAX_SPREAD:g} at most.",
+        help="Variations differ in height, crown, limbs and stem by this factor of what trees of one kind and age "
+        f"differ by, from 0 to {MAX_SPREAD:g}; the default is %(default)g. With 0 they keep the outline of the plant.",
     )
     parser.add_argument(
         "--bark-color",

@@ -116,6 +116,13 @@ def test_beside_a_stem_that_is_there_a_plant_grows_as_if_it_grew_with_it():
     assert angles_deg[1] < angles_deg[0] - 8
 
 
+def test_from_a_short_stem_a_plant_of_its_age_grows_too():
+    stem = plant_of(([[0, 0, 0], [0, 0.2, 0]], 0.05, None, None))
+    points_m = ball(np.array([0.0, 0.8, 0.0]), 0.6, 1500)
+    grown = grow_branches(stem, points_m, ones(points_m), PLAIN, ages=True)
+    assert grown.reached.mean() > 0.9
+
+
 def test_stubs_and_whips_are_shed():
     points_m = np.concatenate([line([0, 0, 0], [0, 1, 0], 100), [[0.06, 0.5, 0.0], [0, 0.5, 0.07]]])
     seed = seed_plants(np.zeros((1, 3)), INTERNODE_M, 0.02)

@@ -53,6 +53,18 @@ def test_limbs_leave_from_their_stem_where_they_are_raised():
     assert leaves_at_m[:, 1].tolist() != [1, 2]
 
 
+def test_no_limb_of_a_slanting_stem_leads_into_the_ground():
+    slanting = plant_of(
+        ([[0, 0, 0], [0.5, 0.5, 0], [1.5, 1, 0], [3, 1.5, 0]], 0.1, None, None),
+        ([[0.5, 0.5, 0], [0.3, 2, 0], [0, 4, 0]], [0.05, 0.03, 0.02], 0, 1),
+    )
+    points_m = np.concatenate([line([0, 0, 0], [3, 1.5, 0], 31), line([0.4, 1, 0], [0, 4, 0], 31)])
+    settings = LimbSettings(turn_deg=90, rise=0.0, change=0.0)
+    turned = [move_limbs(slanting, points_m, settings, 1.0, seed) for seed in range(20)]
+    assert min(skeleton.points_m[:, 1].min() for skeleton, _ in turned) >= 0
+    assert np.std([skeleton.points_m[-1, 2] for skeleton, _ in turned]) > 0.3  # they turn all the same
+
+
 def test_thick_stems_end_where_they_are_thin():
     tree = plant_of(
         ([[0, 0, 0], [0, 1, 0], [0, 2, 0], [0, 3, 0]], [0.1, 0.08, 0.05, 0.01], None, None),
@@ -83,6 +95,11 @@ def test_stems_lose_short_waves_and_keep_long_ones():
     half = fair_stems(tree, 0.5)  # a wave of that length is half as high
     np.testing.assert_allclose(half.points_m[amid, 0], short_m[amid] / 2, atol=0.002)
     assert fair_stems(tree, 0.0) is tree
+
+
+def test_stems_without_length_stay():
+    point = plant_of(([[0, 0, 0], [0, 0, 0]], 0.1, None, None))
+    assert fair_stems(point, 1.0) is point
 
 
 @pytest.mark.parametrize("wrong", [{"turn_deg": -1.0}, {"change": 0.7}, {"min_share": 0.5}])

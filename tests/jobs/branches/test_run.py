@@ -11,7 +11,8 @@ from usdfoliage.branch.tracing.roots import RootSettings
 from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches import warnings
-from usdfoliage.jobs.branches.run import BranchesRequest, make_branches_asset
+from usdfoliage.jobs.branches.regrowth import RegrowthRequest
+from usdfoliage.jobs.branches.run import BranchesRequest, make_branches_asset, variation_seed
 from usdfoliage.jobs.models import read_models
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots, read_unit, read_up
 
@@ -194,7 +195,7 @@ def test_variations_of_a_stand_differ_in_height_and_are_whole(tmp_path, rng, cap
     cloud = write_xyz(tmp_path / "tree.xyz", y_tree(rng)[::3])
     options = ["--variations", "2", "--seed", "4", "--no-preview", "--up", "Z", "--internode", "0.05"]
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *options]) == 0
-    assert "of their own envelopes" in capsys.readouterr().out
+    assert "reach of variations: " in capsys.readouterr().out
     assets = [tmp_path / "out" / "variations" / name / f"{name}.usda" for name in ("out_01", "out_02")]
     points = [skeleton_points(asset) for asset in assets]
     heights_m = [float(each[:, 1].max()) for each in points]
@@ -472,3 +473,17 @@ def test_motion_that_cannot_be_is_refused(tmp_path, rng, capsys, asked, about):
     assert main(["branches", str(cloud), "-o", str(tmp_path / "out"), *asked]) == 2
     assert about in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_no_variation_has_the_seed_of_another_plants():
+    seeds = [variation_seed(seed, number) for seed in range(50) for number in range(1, 100)]
+    assert len(set(seeds)) == len(seeds)
+    assert variation_seed(3, 2) == variation_seed(3, 2) < 2**32
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"variations": -1}, {"variation_spread": float("nan")}, {"method": "x"}, {"fill": "x"}]
+)
+def test_growth_that_cannot_be_is_refused(wrong):
+    with pytest.raises(ValueError, match="must be"):
+        RegrowthRequest(**wrong)

@@ -96,10 +96,12 @@ def aim_buds(
     """
     node, heading = _buds(plant, settings)
     open_buds = np.arange(len(node)) if closed is None else np.flatnonzero(~closed[node])
+    bud = np.full(len(points_m), -1, np.int64)
+    if not len(open_buds):
+        return Aims(node=node, heading=heading, bud=bud, apical=len(plant.tip))
     near = min(_BUDS, len(open_buds))
     tree = cKDTree(plant.tree.position_m[node[open_buds]])
     away_m, found = tree.query(points_m, k=list(range(1, near + 1)), distance_upper_bound=influence_m, workers=-1)
-    bud = np.full(len(points_m), -1, np.int64)
     min_cosine = np.cos(np.radians(0.5 * settings.perception_deg))
     for away, candidate in zip(np.asarray(away_m).T, np.asarray(found).T, strict=True):
         open_ = np.flatnonzero((bud < 0) & np.isfinite(away))

@@ -42,6 +42,8 @@ class EnvelopeSettings:
             raise ValueError("what differs must not be below 0")
         if not (self.height <= 0.5 and self.crown <= 0.5 and self.outline <= 0.5 and self.lean_deg <= 30):
             raise ValueError("height, crown and outline must be 0.5 or less, lean_deg 30 or less")
+        if not (self.rise <= 0.5 and self.bend <= 0.5 and self.twist_deg <= 180):
+            raise ValueError("rise and bend must be 0.5 or less, twist_deg 180 or less")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,7 +68,7 @@ class Envelope:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Standing:
+class TreePlace:
     """Where a tree stands, and the middle of its crown at each height."""
 
     foot_m: NDArray[np.float64]  # (3,)
@@ -107,9 +109,14 @@ def draw_envelope(settings: EnvelopeSettings, spread: float, seed: int) -> Envel
     )
 
 
-def stand_of(points_m: NDArray[np.float64], roots_m: NDArray[np.float64]) -> Standing:
-    """Where a tree stands that has these points (N, 3) and roots (R, 3)."""
-    foot_m = roots_m.mean(axis=0)
+def measure_tree_place(points_m: NDArray[np.float64], roots_m: NDArray[np.float64]) -> TreePlace:
+    """Where a tree stands.
+
+    Args:
+        points_m: (N, 3) of the tree, at least one, Y up; metres.
+        roots_m: (R, 3) of its stems, at least one; the first is its foot, the origin of its asset.
+    """
+    foot_m = roots_m[0]
     height_m = max(float(points_m[:, 1].max() - foot_m[1]), 1e-9)
     at = np.linspace(0, 1, _LAYERS + 1)
     share = np.clip((points_m[:, 1] - foot_m[1]) / height_m, 0, 1)
@@ -119,21 +126,21 @@ def stand_of(points_m: NDArray[np.float64], roots_m: NDArray[np.float64]) -> Sta
     total = np.column_stack([np.bincount(layer, line, _LAYERS + 1) for line in beside_m.T])
     near = np.exp(-0.5 * ((at[:, None] - at) / _SMOOTH) ** 2)
     middle_m = (near @ total) / np.maximum(near @ count, 1e-9)[:, None]
-    return Standing(foot_m=foot_m, height_m=height_m, middle_m=_fade(at)[:, None] * middle_m)
+    return TreePlace(foot_m=foot_m, height_m=height_m, middle_m=_fade(at)[:, None] * middle_m)
 
 
-def warp_points(points_m: NDArray[np.float64], standing: Standing, envelope: Envelope) -> NDArray[np.float64]:
+def warp_points(points_m: NDArray[np.float64], place: TreePlace, envelope: Envelope) -> NDArray[np.float64]:
     """(N, 3) points of a tree moved into the envelope of another; the foot stays, and what is level with it is level.
 
     Args:
         points_m: (N, 3), Y up.
-        standing: Of the tree.
+        place: Of the tree.
         envelope: Of the other one.
     """
-    beside_m, up_m = (points_m - standing.foot_m)[:, [0, 2]], points_m[:, 1] - standing.foot_m[1]
-    share = np.clip(up_m / standing.height_m, 0, 1)
-    grid = np.linspace(0, 1, len(standing.middle_m))
-    middle_m = np.column_stack([np.interp(share, grid, line) for line in standing.middle_m.T])
+    beside_m, up_m = (points_m - place.foot_m)[:, [0, 2]], points_m[:, 1] - place.foot_m[1]
+    share = np.clip(up_m / place.height_m, 0, 1)
+    grid = np.linspace(0, 1, len(place.middle_m))
+    middle_m = np.column_stack([np.interp(share, grid, line) for line in place.middle_m.T])
     out_m = beside_m - middle_m
     factor = np.exp(_fade(share) * np.log(envelope.crown * np.exp(_outline(out_m, share, envelope))))
     out_m = middle_m * (1 + _fade(share) * (envelope.crown - 1))[:, None] + factor[:, None] * out_m
@@ -142,17 +149,17 @@ def warp_points(points_m: NDArray[np.float64], standing: Standing, envelope: Env
     turn = envelope.turn_rad + envelope.twist_rad[0] * share + envelope.twist_rad[1] * np.sin(np.pi * share)
     cosine, sine = np.cos(turn), np.sin(turn)
     turned_m = np.column_stack([cosine * out_m[:, 0] - sine * out_m[:, 1], sine * out_m[:, 0] + cosine * out_m[:, 1]])
-    high_m = envelope.height * standing.height_m
+    high_m = envelope.height * place.height_m
     waves = np.arange(1, len(envelope.bend) + 1)
     bends = 0.5 * (1 - np.cos(np.pi * share[:, None] * waves)) @ envelope.bend
     turned_m += high_m * (share[:, None] * envelope.lean + bends)
     raised_m = envelope.height * up_m + high_m * envelope.rise * np.sin(np.pi * share)
-    return standing.foot_m + np.column_stack([turned_m[:, 0], raised_m, turned_m[:, 1]])
+    return place.foot_m + np.column_stack([turned_m[:, 0], raised_m, turned_m[:, 1]])
 
 
-def warp_skeleton(skeleton: Skeleton, standing: Standing, envelope: Envelope) -> Skeleton:
+def warp_skeleton(skeleton: Skeleton, place: TreePlace, envelope: Envelope) -> Skeleton:
     """The branches of a tree moved as its points, as thick as the other tree is large."""
-    moved_m = warp_points(skeleton.points_m, standing, envelope)
+    moved_m = warp_points(skeleton.points_m, place, envelope)
     return replace(
         skeleton,
         points_m=join_forks(moved_m, skeleton.counts, skeleton.parent_vertex),

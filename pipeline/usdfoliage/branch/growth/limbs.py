@@ -1,6 +1,6 @@
 """Limbs that stand elsewhere on another tree of the same kind: turned, raised, left out, twice there. Ours."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,13 +65,17 @@ def move_limbs(
     axis = _tangents(skeleton, stem, skeleton.arcs_m[at])
     of_point = _nearest_limb(skeleton, points_m, limb)
     moves = [
-        _Move(
-            limb=int(limbs[number]),
-            about_m=skeleton.points_m[at[number]],
-            axis=axis[number],
-            turn_rad=turn,
-            vertex=int(goal[number]),
-            to_m=skeleton.points_m[goal[number]],
+        _above_ground(
+            _Move(
+                limb=int(limbs[number]),
+                about_m=skeleton.points_m[at[number]],
+                axis=axis[number],
+                turn_rad=turn,
+                vertex=int(goal[number]),
+                to_m=skeleton.points_m[goal[number]],
+            ),
+            skeleton.points_m[limb[skeleton.curve] == limbs[number]],
+            float(skeleton.points_m[:, 1].min()),
         )
         for number in range(len(limbs))
         for turn in turns[number][: copies[number]]
@@ -99,6 +103,16 @@ class _Move:
         across = from_m - along
         turned = np.cos(self.turn_rad) * across + np.sin(self.turn_rad) * np.cross(self.axis, across)
         return np.asarray(self.to_m + along + turned)
+
+
+def _above_ground(move: _Move, limb_m: NDArray[np.float64], lowest_m: float) -> _Move:
+    """The move of a limb (N, 3), about the vertical where it would lead under the lowest point of the tree.
+
+    On the other side of a slanting stem is the ground.
+    """
+    if move.of(limb_m)[:, 1].min() >= min(lowest_m, float(limb_m[:, 1].min())):
+        return move
+    return replace(move, axis=np.array([0.0, 1.0, 0.0]))
 
 
 def limbs_of(skeleton: Skeleton) -> NDArray[np.int64]:

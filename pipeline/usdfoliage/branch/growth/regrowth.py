@@ -54,8 +54,8 @@ class RegrowthSettings:
     def __post_init__(self) -> None:
         if not 0 < self.weighing <= self.marker_spacing:
             raise ValueError("weighing must be above 0 and at most marker_spacing")
-        if not self.fair >= 0:
-            raise ValueError(f"fair must not be below 0, not {self.fair:g}")
+        if not all(0 <= each < np.inf for each in (self.thick, self.stems, self.fair)):
+            raise ValueError("thick, stems and fair must be finite and not below 0")
         if not 0 <= self.variation < 1:
             raise ValueError(f"variation must be in [0, 1), not {self.variation:g}")
 

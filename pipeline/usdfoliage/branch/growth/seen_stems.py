@@ -15,6 +15,7 @@ from usdfoliage.branch.tracing.fairing import fair_branches
 _AMID = 0.8  # of a stem's radius, within which a node is on its axis
 _BEGINS = 6.0  # radii, that an axis follows a stem at least whose foot no node is in
 _ALONG = 2.0  # radii, that an axis follows a stem at least; a lateral of the stem leaves it sooner
+_SHORTEST = 1e-6  # of the waves, that the mean step of a skeleton is long at least
 _EVEN = 0.1  # of the mean step of a skeleton, that a step counts as at least
 
 
@@ -53,7 +54,9 @@ def fair_stems(skeleton: Skeleton, over_m: float) -> Skeleton:
     step_m = np.linalg.norm(np.diff(skeleton.points_m, axis=0), axis=1)
     step_m[skeleton.first[1:] - 1] = np.nan  # from one branch to the next
     share_m: NDArray[np.float64] = np.nanmean([[np.nan, *step_m], [*step_m, np.nan]], axis=0)
-    mean_m = max(float(np.nanmean(step_m)), 1e-300)
+    mean_m = float(np.nanmean(step_m))
+    if not mean_m > _SHORTEST * over_m:  # all at one place
+        return skeleton
     share = np.maximum(share_m / mean_m, _EVEN)  # of a branch's length, that is a vertex's
     weight = share.copy()
     weight[skeleton.first] = np.inf

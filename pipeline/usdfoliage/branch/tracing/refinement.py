@@ -29,7 +29,7 @@ class RefinementSettings:
     shortest: float = 0.04  # internodes, that such a piece is long at least,
     shortest_radii: float = 0.1  # and of its radius
     max_turn_deg: float = 5.0  # that a branch turns along an edge
-    longest: float = 8.0  # internodes, that an edge is long at most, however straight: where wind bends a branch,
+    longest: float = 8.0  # internodes, that an edge is about long at most, however straight: where wind bends a branch,
     longest_radii: float = 8.0  # and where a hand takes hold of it; or this of its radius, if that is more
     max_moved: float = 0.05  # of the radius, by which a branch may move where a node goes
     min_moved: float = 0.04  # internodes, that it may move however thin it is

@@ -45,6 +45,8 @@ class BranchSettings:
             raise ValueError(f"internode_m must be above 0, not {self.internode_m:g}")
         if not (self.path_power >= 1 and self.coarse > 0 and self.fine > 0 and self.min_length >= 0):
             raise ValueError("path_power must be at least 1, coarse and fine above 0, min_length not below 0")
+        if not all(0 <= each < np.inf for each in (self.stiffness, self.wood_stiffness, self.fine_spacings)):
+            raise ValueError("stiffness, wood_stiffness and fine_spacings must be finite and not below 0")
         if not self.max_gap > 0:
             raise ValueError(f"max_gap must be above 0, not {self.max_gap:g}")
         if self.leaves not in get_args(CloudLeaves):

@@ -2,7 +2,7 @@
 
 The four facts of wood.py are of a path and its surroundings as a whole. Here come the forms that the points around a
 section make at three sizes, the path that it is on, and the means of these along the path; a quadratic form weighs them
-all. Its weights were learned of scans of generated trees with known leaves: tools/learn_wood.py, which writes
+all. Its weights were learned from scans of generated trees with known leaves: tools/learn_wood.py, which writes
 wood_weights.toml. The facts are our own; forms of neighbourhoods at several sizes are those of N. Brodu and D. Lague,
 3D terrestrial lidar data classification of complex natural scenes using a multi-scale dimensionality criterion, 2012.
 """
@@ -17,7 +17,6 @@ from scipy.spatial import cKDTree
 from usdfoliage.branch.rooted_tree import RootedTree, step_lengths
 from usdfoliage.branch.tracing.sections import SectionTree
 from usdfoliage.branch.tracing.wood import MAX_SURE, walk_paths
-from usdfoliage.geometry.directions import unit_vectors
 from usdfoliage.geometry.point_cells import one_in_each_cell
 from usdfoliage.geometry.quadratic_form import QuadraticForm, parse_form
 
@@ -95,7 +94,8 @@ def _path_directions(center_m: Array, parent: NDArray[np.signedinteger], followi
         before = np.where(parent[before] >= 0, parent[before], before)
         after = np.where(following[after] >= 0, following[after], after)
     along_m = center_m[after] - center_m[before]
-    return np.where(np.linalg.norm(along_m, axis=1, keepdims=True) > 0, unit_vectors(along_m), 0.0)
+    length_m = np.linalg.norm(along_m, axis=1, keepdims=True)
+    return np.divide(along_m, length_m, out=np.zeros_like(along_m), where=length_m > 0)
 
 
 def _forms_around(points_m: Array, center_m: Array, axis: Array, radius_m: float, cap: int) -> Array:

@@ -34,8 +34,9 @@ def likeness_rows(plant: Skeleton, variations: Sequence[Skeleton], reached: Sequ
     if forked and np.isfinite(own.fork_deg):
         rows.append(_spread("mean fork angle", "°", 0, own.fork_deg, forked))
     comes = Row(
-        name="variations grow to, of the points of their own envelopes",
-        value=f"{_range([100 * share for share in reached], 1)} %",
+        name="reach of variations",
+        value=f"{_range([int(1000 * share) / 10 for share in reached], 1)} %",
+        remark="of the points of their envelopes",
     )
     return [*rows, comes]
 

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.distances import near_surface
 from usdfoliage.branch.foliage.species import Species
-from usdfoliage.branch.growth.envelope import Envelope, draw_envelope, stand_of, warp_points, warp_skeleton
+from usdfoliage.branch.growth.envelope import Envelope, draw_envelope, measure_tree_place, warp_points, warp_skeleton
 from usdfoliage.branch.growth.grow import GrownBranches
 from usdfoliage.branch.growth.limbs import move_limbs
 from usdfoliage.branch.growth.regrowth import (
@@ -66,6 +66,14 @@ class RegrowthRequest:
     variation_spread: float = 1.0  # times what trees of a stand differ by; 0: within the plant's own outline
     internode_m: float | None = None  # that was asked for
     settings: RegrowthSettings = field(default_factory=RegrowthSettings)
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS or self.fill not in get_args(Fill):
+            raise ValueError(f"method and fill must be of {', '.join((*METHODS, *get_args(Fill)))}")
+        if not 0 <= self.variations <= MAX_VARIATIONS:
+            raise ValueError(f"variations must be 0 to {MAX_VARIATIONS}, not {self.variations}")
+        if not 0 <= self.variation_spread <= MAX_SPREAD:
+            raise ValueError(f"variation_spread must be 0 to {MAX_SPREAD:g}, not {self.variation_spread:g}")
 
     def describe(self) -> dict[str, str]:
         """Settings by the names of their options; nothing of what was not asked for."""
@@ -202,8 +210,9 @@ def vary_branches(
     stems = None
     if request.variation_spread > 0:
         stems = thick_stems(seen.skeleton, envelope.size * request.settings.stems * through.internode_m)
-    grown, _ = _grow_well(seen, cloud, varied, request, seed, None, stems)
-    variation = replace(traced, skeleton=grown.skeleton)
+    near_m = envelope.size * _REACHED_SPACINGS * _spacing_m(traced, plant)
+    grown, internode_m = _grow_well(seen, cloud, varied, request, seed, None, near_m, stems)
+    variation = replace(seen, skeleton=grown.skeleton, internode_m=internode_m)
     if request.hidden:
         varied = vary_growth(_scaled(growth, envelope.size), request.settings.variation, seed)
         variation = replace(variation, skeleton=_fill(variation, cloud, varied, request, seed, None).skeleton)
@@ -227,14 +236,17 @@ def vary_cloud(
         return traced, plant
     points_m = draw_to_axes(plant.points_m, traced.skeleton, thick_m)
     skeleton, points_m = move_limbs(traced.skeleton, points_m, settings.limbs, spread, seed)
-    standing = stand_of(plant.points_m, plant.roots_m)
+    place = measure_tree_place(plant.points_m, plant.roots_m)
     cloud = replace(
         plant,
-        points_m=warp_points(points_m, standing, envelope),
+        points_m=warp_points(points_m, place, envelope),
         colors=None,
-        roots_m=warp_points(plant.roots_m, standing, envelope),
+        roots_m=warp_points(plant.roots_m, place, envelope),
     )
-    return replace(traced, skeleton=warp_skeleton(skeleton, standing, envelope)), cloud
+    seen = replace(
+        traced, skeleton=warp_skeleton(skeleton, place, envelope), spacing_m=envelope.size * traced.spacing_m
+    )
+    return seen, cloud
 
 
 def _scaled(growth: GrowthSettings, factor: float) -> GrowthSettings:
@@ -257,7 +269,8 @@ def _grow_through(
 ) -> tuple[GrownBranches, float]:
     """A plant that grows to enough of the points, with the shortest internodes with which one does; these in metres."""
     finest = settings_for_cloud(growth, traced, plant, request.internode_m)
-    grown, internode_m = _grow_well(traced, plant, finest, request, seed, progress)
+    near_m = _REACHED_SPACINGS * _spacing_m(traced, plant)
+    grown, internode_m = _grow_well(traced, plant, finest, request, seed, progress, near_m)
     if request.internode_m is None and grown.reached.mean() < REACHED:
         raise _explain_incomplete(grown, plant, finest.max_gap_m)
     return grown, internode_m
@@ -270,6 +283,7 @@ def _grow_well(
     request: RegrowthRequest,
     seed: int,
     progress: Callable[[float], None] | None,
+    near_m: float,
     stems: Skeleton | None = None,
 ) -> tuple[GrownBranches, float]:
     """The plant that comes to enough of the points with the shortest internodes, or to the most; these in metres.
@@ -282,9 +296,9 @@ def _grow_well(
         max_kill_m = max(finest.max_kill_m, _USED * internode_m)
         tried = replace(finest, internode_m=internode_m, max_kill_m=max_kill_m)
         if stems is None:
-            grown = _regrow(traced, plant, tried, request, seed, progress)
+            grown = _regrow(traced, plant, tried, request, seed, progress, near_m)
         else:
-            grown = _grow_from(stems, plant, tried, _REACHED_SPACINGS * _spacing_m(traced, plant), request, seed)
+            grown = _grow_from(stems, plant, tried, near_m, request, seed)
         if best is None or grown.reached.mean() > best[0].reached.mean():
             best = grown, internode_m
         if grown.reached.mean() >= REACHED:
@@ -332,9 +346,9 @@ def _regrow(
     request: RegrowthRequest,
     seed: int,
     progress: Callable[[float], None] | None,
+    near_m: float,
 ) -> GrownBranches:
     radius_m = float(traced.skeleton.radius_m[0])
-    near_m = _REACHED_SPACINGS * _spacing_m(traced, plant)
     return regrow(
         plant.points_m,
         plant.roots_m,

@@ -279,6 +279,11 @@ def name_variation(name: str, number: int) -> str:
     return f"{name}_{number:02d}"
 
 
+def variation_seed(seed: int, number: int) -> int:
+    """The seed of a variation of a plant, below 2^32: no other than by chance that of one of another plant's seed."""
+    return int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
+
+
 def vary_plant(
     request: BranchesRequest, found: FoundBranches, number: int, fitted: FittedLeaves | None = None
 ) -> tuple[Variation, "PlantModel"]:
@@ -287,13 +292,13 @@ def vary_plant(
     Args:
         request: What was asked for.
         found: The branches of the plant itself.
-        number: Of the variation, from 1 on: by so much its seed is higher.
+        number: Of the variation, from 1 on.
         fitted: As find_branches takes it.
 
     Raises:
         FoliageError: It cannot be made.
     """
-    seed = request.seed + number
+    seed = variation_seed(request.seed, number)
     varied = vary_branches(found.traced, found.plant, request.regrowth, request.foliage.species, seed)
     return varied, _make_plant(request, varied.traced, found.plant, fitted, seed, {}, None)
 

@@ -105,13 +105,13 @@ def check_variations(reached: Mapping[int, float]) -> list[Remark]:
     if not short:
         return []
     # Rounded down: 94.97 % is not 95 %.
-    named = [f"{number} to {int(1000 * share) / 10:.1f} %" for number, share in [*short.items()][:_NAMED]]
+    named = [f"{int(1000 * share) / 10:.1f} % (number {number})" for number, share in [*short.items()][:_NAMED]]
     others = f" and {len(short) - _NAMED} others" if len(short) > _NAMED else ""
     return [
         remark(
             "variations-incomplete",
             f"{len(short)} of {len(reached)} variations grew to less than {100 * REACHED:.0f} % of the points of their "
-            f"own envelopes: {', '.join(named)}{others}; parts of their crowns may be empty",
+            f"envelopes, {', '.join(named)}{others}; parts of their crowns may be empty",
             remedy=("give a lower ", Setting(name="branches.variation_spread"), ", or do not use them"),
         )
     ]

@@ -87,8 +87,8 @@ class BranchStageSettings:
     max_faces: int | None = None
     # This many further plants like this one grow: assets in the folder variations of the asset. Range: 0 to 99.
     variations: int = 0
-    # How much variations differ in height, crown, limbs and stem: 1 as trees of one stand do, 0 within the outline of
-    # the plant. Range: 0 to 2.
+    # Variations differ in height, crown, limbs and stem by this factor of what trees of one kind and age differ by.
+    # With 0 they keep the outline of the plant. Range: 0 to 2.
     variation_spread: float = RegrowthRequest.variation_spread
 
     def __post_init__(self) -> None:

@@ -26,7 +26,7 @@ from usdfoliage.capture.cloud_files.ply import read_cloud
 from usdfoliage.errors import FitError, FoliageError, PreviewError, PreviewTimeoutError
 from usdfoliage.files.npz import write_arrays
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_near_leaves, rig_branches, rig_near_leaves
-from usdfoliage.jobs.branches.run import VARIATIONS, name_variation
+from usdfoliage.jobs.branches.run import VARIATIONS, name_variation, variation_seed
 from usdfoliage.jobs.branches.warnings import check_motion
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
@@ -263,7 +263,7 @@ def _write_variations(
             continue
         name = name_variation(call.request.name, number)
         own = folder / VARIATIONS / name
-        seed = settings.seed + number
+        seed = variation_seed(settings.seed, number)
         try:
             foliage = leaves_on_twigs(branches.skeleton.skeleton, captured, chosen, settings, seed)
             moving, of_motion = add_motion(branches, foliage, settings, f"variation {number}")
