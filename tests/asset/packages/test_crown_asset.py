@@ -76,6 +76,7 @@ def test_layout(oak):
         "payload/materials.usda",
         "payload/payload.usda",
         "shaders/usdFoliageCrown.glslfx",
+        "shaders/usdFoliageCrownRelief.glslfx",
     ]
     assert is_asset_folder(folder)
     assert oak.read_text().startswith("#usda 1.0")

@@ -7,6 +7,7 @@ from pxr import Gf, Sdf, Usd, UsdShade
 from usdfoliage.asset.materials.mtlx import ThinSheet, author_image, author_thin_open_pbr
 
 CROWN_SHADER = "usdFoliageCrown.glslfx"
+RELIEF_SHADER = "usdFoliageCrownRelief.glslfx"
 LEAF_ROUGHNESS = 0.8  # a crown scatters light; single leaves shine, their sum does not
 TRANSLUCENCY = 0.25  # light that shines through, as a part of what is scattered back
 MISSING_COLOR = (0.1, 0.2, 0.05)  # linear, where the map is missing
@@ -22,6 +23,8 @@ class CrownMaterial:
     face_size: int  # texels along an edge of the cubemaps
     center_m: tuple[float, float, float]
     radius_range_m: tuple[float, float]
+    mean_color: tuple[float, float, float] = MISSING_COLOR  # linear
+    relief_shader: str = ""  # the glslfx source of the relief, where there is one
 
 
 def author_crown_material(stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial) -> UsdShade.Material:
@@ -34,8 +37,26 @@ def author_crown_material(stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial
     _author_mtlx_surface(stage, material, crown)
     radius = _author_preview_texture(stage, path.AppendChild("RadiusMap"), crown.radius_map)
     radius.CreateOutput("r", Sdf.ValueTypeNames.Float)
-    surface = _author_storm_surface(stage, path.AppendChild("StormSurface"), crown, texture, radius)
+    surface = _author_storm_surface(stage, path.AppendChild("StormSurface"), crown, crown.shader, texture, radius)
     material.CreateSurfaceOutput("glslfx").ConnectToSource(surface.ConnectableAPI(), "surface")
+    return material
+
+
+def author_relief_material(stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial) -> UsdShade.Material:
+    """Define the material of a crown's hull, in which Storm draws the crown; others draw the hull in one colour."""
+    material = UsdShade.Material.Define(stage, path)
+    surface = UsdShade.Shader.Define(stage, path.AppendChild("PreviewSurface"))
+    surface.CreateIdAttr("UsdPreviewSurface")
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*crown.mean_color))
+    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(LEAF_ROUGHNESS)
+    surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
+    color = _author_preview_texture(stage, path.AppendChild("ColorMap"), crown.color_map)
+    color.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    radius = _author_preview_texture(stage, path.AppendChild("RadiusMap"), crown.radius_map)
+    radius.CreateOutput("r", Sdf.ValueTypeNames.Float)
+    storm = _author_storm_surface(stage, path.AppendChild("StormSurface"), crown, crown.relief_shader, color, radius)
+    material.CreateSurfaceOutput("glslfx").ConnectToSource(storm.ConnectableAPI(), "surface")
     return material
 
 
@@ -74,15 +95,21 @@ def _author_mtlx_surface(stage: Usd.Stage, material: UsdShade.Material, crown: C
 
 
 def _author_storm_surface(
-    stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial, color: UsdShade.Shader, radius: UsdShade.Shader
+    stage: Usd.Stage,
+    path: Sdf.Path,
+    crown: CrownMaterial,
+    shader: str,
+    color: UsdShade.Shader,
+    radius: UsdShade.Shader,
 ) -> UsdShade.Shader:
     surface = UsdShade.Shader.Define(stage, path)
-    surface.SetSourceAsset(Sdf.AssetPath(crown.shader), "glslfx")
+    surface.SetSourceAsset(Sdf.AssetPath(shader), "glslfx")
     # The types are those that Storm's parser derives from the shader's defaults: three numbers are a colour to it.
     surface.CreateInput("colorMap", Sdf.ValueTypeNames.Color3f).ConnectToSource(color.ConnectableAPI(), "rgb")
     surface.CreateInput("radiusMap", Sdf.ValueTypeNames.Float).ConnectToSource(radius.ConnectableAPI(), "r")
     surface.CreateInput("center", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*crown.center_m, 1.0))
     surface.CreateInput("radiusRange", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(*crown.radius_range_m))
     surface.CreateInput("faceSize", Sdf.ValueTypeNames.Float).Set(float(crown.face_size))
+    surface.CreateInput("meanColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*crown.mean_color))
     surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     return surface

@@ -37,6 +37,7 @@ from usdfoliage.asset.plant import (
     TO_CROWN,
     TO_LEAVES,
     TO_SKELETON,
+    box_around,
 )
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.stored_numbers import stored_numbers
@@ -207,9 +208,17 @@ def _surface_extents(payload: Path, name: str, sets: Sequence[VariantSet]) -> li
 
 
 def _layer_extent(path: Path, prim: str) -> NDArray[np.float64] | None:
+    """The extent of a prim in a layer, around those in every variant of its parent; None where it has none."""
     layer = open_layer(path)
-    extent = layer.GetAttributeAtPath(f"{prim}.extent")
-    return None if extent is None or extent.default is None else _box(extent.default, f"{path} <{prim}>")
+    own = Sdf.Path(prim)
+    parent = layer.GetPrimAtPath(own.GetParentPath())
+    variants = [variant for each in parent.variantSets for variant in each.variants] if parent else []
+    places = [own, *(variant.path.AppendChild(own.name) for variant in variants)]
+    extents = [layer.GetAttributeAtPath(place.AppendProperty("extent")) for place in places]
+    boxes = [
+        _box(each.default, f"{path} <{prim}>") for each in extents if each is not None and each.default is not None
+    ]
+    return box_around(boxes) if boxes else None
 
 
 def write_leaves_beside(

@@ -10,7 +10,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from usdfoliage.asset.layer import author_scopes, bind_material, export_layer, new_layer
 from usdfoliage.asset.locate import open_layer
 from usdfoliage.asset.materials.cubemap_exr import read_cubemap
-from usdfoliage.asset.materials.layer import CROWN_MATERIAL
+from usdfoliage.asset.materials.layer import CROWN_MATERIAL, CROWN_RELIEF_MATERIAL
 from usdfoliage.asset.parts.crown_maps import color_map_path, radius_map_path
 from usdfoliage.asset.plant import CROWN
 from usdfoliage.asset.schema import CROWN_API
@@ -18,15 +18,21 @@ from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
 from usdfoliage.geometry.crown_cage import build_crown_cage
+from usdfoliage.geometry.crown_hull import CrownHull, fit_crown_hull
 from usdfoliage.geometry.crown_mesh import CrownMesh
 from usdfoliage.geometry.crown_mesh_size import choose_mesh_size
+
+FORM = "crown"  # variant set of the scope that the crown is in: how it is drawn
+MESH, RELIEF = "mesh", "relief"
+FORMS = (MESH, RELIEF)  # the first is the default, which every renderer draws
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CrownPrim:
-    """All that is authored of a crown: its cage and where its maps are, as seen from the layer's folder."""
+    """All that is authored of a crown: its cage, its hull, and where its maps are, as seen from the layer's folder."""
 
     cage: CrownMesh
+    hull: CrownHull
     radius_map: str
     color_map: str
     center_m: NDArray[np.float64]  # (3,)
@@ -40,6 +46,7 @@ def crown_prim(name: str, crown: CrownModel, mesh_size: int | None) -> CrownPrim
     size = choose_mesh_size(crown.radius_m) if mesh_size is None else mesh_size
     return CrownPrim(
         cage=build_crown_cage(crown.radius_m, crown.center_m, size),
+        hull=fit_crown_hull(crown.radius_m, crown.center_m),
         radius_map=f"../{radius_map_path(name).as_posix()}",
         color_map=f"../{color_map_path(name).as_posix()}",
         center_m=np.asarray(crown.center_m, np.float64),
@@ -50,12 +57,23 @@ def crown_prim(name: str, crown: CrownModel, mesh_size: int | None) -> CrownPrim
 
 
 def write_crown_layer(path: Path, name: str, crown: CrownPrim) -> None:
-    """Write the crown alone: a layer with the crown at /name/geo/proxy/Crown."""
+    """Write the crown alone: a layer with the crown at /name/geo/proxy/Crown, in the forms of the set FORM there."""
     stage = new_layer(path, name)
     crown_path = Sdf.Path(f"/{name}/{CROWN}")
     author_scopes(stage, crown_path.GetParentPath())
-    author_crown(stage, crown_path, crown)
-    bind_material(stage, crown_path, Sdf.Path(f"/{name}/{CROWN_MATERIAL}"))
+    _author_facts(stage, crown_path, crown)
+    forms = stage.GetPrimAtPath(crown_path.GetParentPath()).GetVariantSets().AddVariantSet(FORM)
+    for form in FORMS:
+        forms.AddVariant(form)
+    forms.SetVariantSelection(MESH)
+    with forms.GetVariantEditContext():
+        author_crown_cage(stage, crown_path, crown.cage)
+        bind_material(stage, crown_path, Sdf.Path(f"/{name}/{CROWN_MATERIAL}"))
+    forms.SetVariantSelection(RELIEF)
+    with forms.GetVariantEditContext():
+        _author_hull(stage, crown_path, crown.hull, crown.center_m)
+        bind_material(stage, crown_path, Sdf.Path(f"/{name}/{CROWN_RELIEF_MATERIAL}"))
+    forms.SetVariantSelection(MESH)
     export_layer(stage, path)
 
 
@@ -81,9 +99,9 @@ def read_crown_radius(path: Path, name: str) -> tuple[NDArray[np.floating], NDAr
     return pixels, center_m
 
 
-def author_crown(stage: Usd.Stage, path: Sdf.Path, crown: CrownPrim) -> UsdGeom.Mesh:
-    """Define the crown at path: the cage, and FoliageCrownAPI with the maps it comes from."""
-    mesh = author_crown_cage(stage, path, crown.cage)
+def _author_facts(stage: Usd.Stage, path: Sdf.Path, crown: CrownPrim) -> None:
+    """Define the crown at path as a mesh without faces, with FoliageCrownAPI and the maps it comes from."""
+    mesh = UsdGeom.Mesh.Define(stage, path)
     color = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
         "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.constant
     )
@@ -100,7 +118,23 @@ def author_crown(stage: Usd.Stage, path: Sdf.Path, crown: CrownPrim) -> UsdGeom.
     )
     for fact, value_type, value in facts:
         prim.CreateAttribute(f"foliage:crown:{fact}", value_type, custom=False).Set(value)
-    return mesh
+
+
+def _author_hull(stage: Usd.Stage, path: Sdf.Path, hull: CrownHull, center_m: NDArray[np.float64]) -> None:
+    """The hull as the mesh at path, from which the relief is drawn."""
+    mesh = UsdGeom.Mesh.Define(stage, path)
+    points = Vt.Vec3fArray.FromNumpy(hull.points_m.astype(np.float32))
+    mesh.CreatePointsAttr(points)
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(hull.faces), 3))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(hull.faces.ravel()))
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateOrientationAttr(UsdGeom.Tokens.rightHanded)
+    mesh.CreateDoubleSidedAttr(False)  # closed, and only its front is drawn
+    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(hull.normals.astype(np.float32)))
+    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
+    rest = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("rest", Sdf.ValueTypeNames.Float3Array, UsdGeom.Tokens.vertex)
+    rest.Set(Vt.Vec3fArray.FromNumpy((hull.points_m - center_m).astype(np.float32)))  # what a fragment has of them
 
 
 def author_crown_cage(stage: Usd.Stage, path: Sdf.Path, crown: CrownMesh) -> UsdGeom.Mesh:

@@ -5,8 +5,14 @@ from functools import partial
 import numpy as np
 from pxr import Sdf, Usd
 
-from usdfoliage.asset.materials.crown import CROWN_SHADER, CrownMaterial, author_crown_material
-from usdfoliage.asset.materials.layer import CROWN_MATERIAL, copy_shaders
+from usdfoliage.asset.materials.crown import (
+    CROWN_SHADER,
+    RELIEF_SHADER,
+    CrownMaterial,
+    author_crown_material,
+    author_relief_material,
+)
+from usdfoliage.asset.materials.layer import CROWN_MATERIAL, CROWN_RELIEF_MATERIAL, copy_shaders
 from usdfoliage.asset.parts.crown import crown_prim, write_crown_layer
 from usdfoliage.asset.parts.crown_maps import write_crown_maps
 from usdfoliage.asset.parts.part import SHADERS, AssetPlace, Part
@@ -34,17 +40,20 @@ def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int | None
     size = None if mesh_size is None else max(min(mesh_size, crown.radius_m.shape[1]), MIN_SIZE)
     prim = crown_prim(place.name, crown, size)
     write_crown_maps(place.folder, place.name, crown)
-    copy_shaders(place.folder / "shaders", (CROWN_SHADER,))
+    copy_shaders(place.folder / "shaders", (CROWN_SHADER, RELIEF_SHADER))
     write_crown_layer(place.payload / CROWN_LAYER, place.name, prim)
     material = CrownMaterial(
         color_map=prim.color_map,
         radius_map=prim.radius_map,
         shader=f"{SHADERS}/{CROWN_SHADER}",
+        relief_shader=f"{SHADERS}/{RELIEF_SHADER}",
         face_size=crown.color.shape[1],
         center_m=(float(prim.center_m[0]), float(prim.center_m[1]), float(prim.center_m[2])),
         radius_range_m=prim.radius_range_m,
+        mean_color=(float(prim.mean_color[0]), float(prim.mean_color[1]), float(prim.mean_color[2])),
     )
-    extent_m = np.stack([prim.cage.points_m.min(axis=0), prim.cage.points_m.max(axis=0)]).astype(np.float64)
+    drawn_m = np.concatenate([prim.cage.points_m, prim.hull.points_m])
+    extent_m = np.stack([drawn_m.min(axis=0), drawn_m.max(axis=0)]).astype(np.float64)
     return Part(
         relationships={TO_CROWN: CROWN},
         collections={"crown": [CROWN]},
@@ -56,3 +65,4 @@ def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int | None
 
 def _author_material(stage: Usd.Stage, root: Sdf.Path, crown: CrownMaterial) -> None:
     author_crown_material(stage, root.AppendPath(CROWN_MATERIAL), crown)
+    author_relief_material(stage, root.AppendPath(CROWN_RELIEF_MATERIAL), crown)

@@ -1,0 +1,138 @@
+"""The relief of a crown: its layer, its shader, and that Storm draws it as the mesh."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom
+from usdfoliage.asset.materials.crown import RELIEF_SHADER
+from usdfoliage.asset.materials.layer import copy_shaders, inline_sections
+from usdfoliage.asset.packages.leaf_package import write_crown_asset
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.crown.model import CrownModel
+from usdfoliage.geometry.cubemap import face_directions, share_borders
+from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views, finish_picture
+
+PLAIN = Provenance(capture="crown.jpg", generator="test", seed=0, input_sha256="0")
+
+
+def bumpy_crown(size: int = 48) -> CrownModel:
+    """A crown of waves, in colours that change around it."""
+    direction = face_directions(size)
+    wave = np.random.default_rng(2).normal(0, 2.5, (5, 3))
+    radius_m = 1.5 + 0.12 * np.cos(direction @ wave.T).sum(axis=-1)
+    color = 0.15 + 0.1 * np.sin(direction * 4)
+    return CrownModel(
+        radius_m=share_borders(radius_m.astype(np.float32)),
+        color=share_borders(color.astype(np.float32)),
+        center_m=np.array([0.2, 2.5, -0.1]),
+        relief_weight=0.1,
+        asset_from_photo=np.eye(4),
+    )
+
+
+@pytest.fixture(scope="module")
+def crown(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("crown") / "oak"
+    folder.mkdir()
+    return write_crown_asset(folder, "oak", bumpy_crown(), PLAIN)
+
+
+def test_the_mesh_is_the_default_and_the_relief_a_hull_around_it(crown):
+    stage = Usd.Stage.Open(str(crown))
+    forms = stage.GetPrimAtPath("/oak/geo/proxy").GetVariantSets().GetVariantSet("crown")
+    assert forms.GetVariantNames() == ["mesh", "relief"]
+    assert forms.GetVariantSelection() == "mesh"
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/oak/geo/proxy/Crown"))
+    low, high = (np.array(corner) for corner in mesh.GetExtentAttr().Get())
+    assert mesh.GetSubdivisionSchemeAttr().Get() == "catmullClark"
+    forms.SetVariantSelection("relief")
+    hull = UsdGeom.Mesh(stage.GetPrimAtPath("/oak/geo/proxy/Crown"))
+    assert len(hull.GetFaceVertexCountsAttr().Get()) == 80
+    assert hull.GetSubdivisionSchemeAttr().Get() == "none"
+    around = np.array(hull.GetExtentAttr().Get())
+    assert (around[0] < low + 0.05).all()
+    assert (around[1] > high - 0.05).all()
+    assert hull.GetPrim().GetRelationship("material:binding").GetTargets() == ["/oak/mtl/CrownRelief"]
+
+
+def test_the_shader_in_an_asset_imports_nothing(tmp_path):
+    copy_shaders(tmp_path, (RELIEF_SHADER,))
+    text = (tmp_path / RELIEF_SHADER).read_text()
+    assert "#import" not in text
+    for section in ("Crown.Maps", "Relief.Surface"):
+        assert text.count(f"-- glsl {section}\n") == 1
+    assert "Crown.Surface" not in text
+
+
+def test_a_source_without_imports_stays_as_it_is(tmp_path):
+    assert inline_sections("-- glslfx version 0.1\n", tmp_path) == "-- glslfx version 0.1\n"
+
+
+@pytest.mark.preview
+def test_storm_draws_the_relief_as_the_mesh(crown):
+    settings = PreviewSettings(width_px=260, height_px=260, background=None)
+    for direction in ("front", "three-quarter", "top"):
+        window = (-2.4, 2.8, 0.0, 5.2) if direction == "front" else (-2.6, 2.6, -2.6, 2.6)
+        views = [
+            PreviewView(
+                output=crown.with_name("none.png"),
+                direction=direction,
+                orthographic=True,
+                window=window,
+                variants=(("crown", form),),
+            )
+            for form in ("mesh", "relief")
+        ]
+        mesh, relief = (finish_picture(each, None).astype(float) for each in draw_views(crown, views, settings))
+        seen = [picture[..., 3] > 127 for picture in (mesh, relief)]
+        both = seen[0] & seen[1]
+        assert both.sum() > 2000
+        assert both.sum() / (seen[0] | seen[1]).sum() > 0.985
+        assert np.abs(mesh[both][:, :3].mean(axis=0) - relief[both][:, :3].mean(axis=0)).max() < 4
+        assert np.abs(mesh[both][:, :3] - relief[both][:, :3]).mean() < 5
+
+
+@pytest.mark.preview
+def test_instances_of_a_relief_are_drawn_as_those_of_the_mesh(crown, tmp_path):
+    scene = tmp_path / "scene.usda"
+    scene.write_text(
+        f"""#usda 1.0
+(
+    defaultPrim = "W"
+    upAxis = "Y"
+    metersPerUnit = 1
+)
+def Xform "W"
+{{
+    double3 xformOp:translate = (1, 0, 2)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    def PointInstancer "Trees"
+    {{
+        rel prototypes = </W/Trees/Oak>
+        int[] protoIndices = [0, 0]
+        point3f[] positions = [(-3, 0, 0), (3, 1, -1)]
+        float3[] scales = [(1, 1.6, 1), (0.8, 0.6, 1.1)]
+        quath[] orientations = [(0.92, 0, 0.38, 0), (0.96, 0.1, 0.2, 0.15)]
+        def Xform "Oak" (
+            references = @{crown}@
+        )
+        {{
+        }}
+    }}
+}}
+"""
+    )
+    settings = PreviewSettings(width_px=320, height_px=240, background=None)
+    views = [
+        PreviewView(output=tmp_path / "none.png", direction="three-quarter", variants=(("crown", form),))
+        for form in ("mesh", "relief")
+    ]
+    mesh, relief = (finish_picture(each, None).astype(float) for each in draw_views(scene, views, settings))
+    seen = [picture[..., 3] > 127 for picture in (mesh, relief)]
+    share = (seen[0] & seen[1]).sum() / (seen[0] | seen[1]).sum()
+    assert seen[0].sum() > 3000
+    # The bounds of the hulls are wider, so that the camera is farther away: the crowns are of one shape all the same.
+    assert share > 0.8
+    dark = relief[seen[1]][:, :3].sum(axis=1) < 30
+    assert dark.mean() < 0.002  # what a driver gives where it knows no instance
