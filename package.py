@@ -26,6 +26,7 @@ requires = [
     "pycolmap",
     "rawpy-0.25+",
     "pye57-0.4.15+",
+    "rasterio-1.4+",
 ]
 
 private_build_requires = ["scikit_build_core-1+", "nanobind-3+", "cmake", "ninja"]

@@ -28,6 +28,7 @@ PACKAGES = (  # that decide an asset, and the pages beside it
     "lazrs",
     "pye57",
     "rawpy",
+    "rasterio",
     "jinja2",
 )
 VALIDATION_PACKAGES = ("usd-validation-nvidia",)  # that decide what is found in an asset, and nothing of it

@@ -1,0 +1,118 @@
+"""A whole planting of a terrain whose trees are known."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from usdfoliage.forest.kinds import PlantKind
+from usdfoliage.forest.planting import ForestInput, PlantingSettings, plant_forest
+from usdfoliage.forest.plants_file import PlantRow, PlantsFile
+from usdfoliage.forest.raster import Raster
+from usdfoliage.forest.terrain import ground_height, make_terrain
+
+from tests.support.forests.scene import COLORS, ORIGIN_M, forest_scene, match
+
+
+def plants(*more: PlantRow) -> PlantsFile:
+    rows = [
+        PlantRow(
+            species=name,
+            kind=PlantKind.TREE,
+            asset=Path("x"),
+            share=share,
+            height_m=(5.0, 14.0),
+            color=tuple(color),
+            form=0.28,
+        )
+        for name, share, color in zip(("oak", "maple"), (0.75, 0.25), COLORS.tolist(), strict=True)
+    ]
+    classes = {0: None, 1: PlantKind.TREE, 2: PlantKind.SHRUB, 3: PlantKind.GRASS}
+    return PlantsFile(path=Path("plants.toml"), rows=(*rows, *more), classes=classes)
+
+
+def scene_input(**leave_out) -> ForestInput:
+    scene = forest_scene()
+    given = ForestInput(
+        terrain=make_terrain(scene.dem),
+        plants=plants(),
+        orthophoto=scene.orthophoto,
+        canopy=scene.canopy,
+        vegetation=scene.vegetation,
+    )
+    return replace(given, **leave_out)
+
+
+def test_trees_stand_where_they_are_seen_with_species_heights_and_tints():
+    scene, given = forest_scene(), scene_input()
+    planted = plant_forest(given)
+    found, true = match(planted.ground_m, scene.trees_m, 0.5 * scene.radius_m)
+    assert len(true) >= 0.97 * len(scene.trees_m)
+    assert (planted.row[found] == scene.species[true]).mean() > 0.97
+    assert np.abs(planted.height_m[found] / scene.height_m[true] - 1).mean() < 0.06
+    np.testing.assert_allclose(planted.elevation_m, ground_height(given.terrain, planted.ground_m))
+    assert np.corrcoef(planted.tint[found, 0], scene.species[true])[0, 1] > 0.9
+    assert planted.seen.all()
+    assert planted.empty_kinds == (PlantKind.GRASS,)
+
+
+def test_the_orthophoto_alone_gives_trees_and_their_heights_by_their_form():
+    scene = forest_scene()
+    planted = plant_forest(scene_input(canopy=None, vegetation=None))
+    _found, true = match(planted.ground_m, scene.trees_m, 0.5 * scene.radius_m)
+    assert len(true) >= 0.85 * len(scene.trees_m)
+    assert ((planted.height_m >= 5) & (planted.height_m <= 14)).all()
+
+
+def test_a_class_alone_is_planted_by_its_density():
+    given = scene_input(canopy=None, orthophoto=None)
+    planted = plant_forest(given, PlantingSettings(trees_per_ha=400))
+    area_ha = (given.vegetation.values == 1).sum() * given.vegetation.cell_m**2 / 1e4
+    assert len(planted) == pytest.approx(400 * area_ha, rel=0.25)
+    assert not planted.seen.any()
+    columns = np.floor((planted.ground_m[:, 0] - ORIGIN_M[0]) / 0.5).astype(int)
+    rows = np.floor((ORIGIN_M[1] - planted.ground_m[:, 1]) / 0.5).astype(int)
+    assert (given.vegetation.values[rows, columns] == 1).all()
+
+
+def test_trunks_that_are_given_stand_where_they_are_given():
+    scene = forest_scene()
+    planted = plant_forest(scene_input(trunks_m=scene.trees_m[:9], vegetation=None))
+    np.testing.assert_allclose(planted.ground_m, scene.trees_m[:9])
+    assert np.abs(planted.height_m / scene.height_m[:9] - 1).max() < 0.15
+
+
+def test_rules_of_the_ground_and_holes_leave_plants_out():
+    low = replace(plants(), rows=tuple(replace(row, elevation_m=(0.0, 302.0)) for row in plants().rows))
+    planted = plant_forest(scene_input(plants=low))
+    assert len(planted) > 0
+    assert (planted.elevation_m <= 302.0).all()
+    assert planted.not_planted["no row of plants.toml may stand there"] > 0
+    scene = forest_scene()
+    heights = scene.dem.values.copy()
+    heights[:, :60] = np.nan
+    terrain = make_terrain(Raster(values=heights, ground_from_pixel=scene.dem.ground_from_pixel))
+    planted = plant_forest(scene_input(terrain=terrain))
+    assert (planted.ground_m[:, 0] > ORIGIN_M[0] + 30).all()
+    assert planted.not_planted["no height of the ground"] > 0
+
+
+def test_grass_is_drawn_in_its_class_up_to_the_number_that_may_be():
+    grass = PlantRow(species="sedge", kind=PlantKind.GRASS, asset=Path("x"), share=1.0, height_m=(0.3, 0.5))
+    planted = plant_forest(scene_input(plants=plants(grass)), PlantingSettings(max_ground_cover=500))
+    assert 300 < (planted.row == 2).sum() <= 500
+    assert planted.empty_kinds == ()
+
+
+def test_one_seed_is_one_forest_and_another_turns_its_trees():
+    one, again, other = (plant_forest(scene_input(), PlantingSettings(seed=seed)) for seed in (1, 1, 2))
+    for name in ("ground_m", "row", "height_m", "turn_deg", "lean_deg", "tint", "jitter"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(again, name))
+    np.testing.assert_array_equal(one.ground_m, other.ground_m)
+    assert (one.turn_deg != other.turn_deg).any()
+
+
+def test_without_anything_that_shows_plants_there_are_none():
+    planted = plant_forest(scene_input(canopy=None, orthophoto=None, vegetation=None))
+    assert len(planted) == 0
+    assert planted.ground_m.shape == (0, 2)
