@@ -35,6 +35,7 @@ COMMANDS = (
     "crown",
     "leaves",
     "scatter",
+    "forest",
     "edit",
     "bake",
     "export",

@@ -1274,6 +1274,46 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
         },
     ),
+    RemarkSection(
+        title="Forests",
+        kinds={
+            "terrain-without-crs": RemarkKind(
+                severity="warning",
+                meaning="The DEM states no coordinate system. Its lengths are taken for metres.",
+                action="Look at the size of the terrain in the report. Give a GeoTIFF with a coordinate system.",
+            ),
+            "terrain-height-unit": RemarkKind(
+                severity="warning",
+                meaning="The DEM states no unit of its heights, and its easting and northing are not in metres.",
+                action="Look at the heights in the report. Convert the DEM to metres with `gdalwarp`.",
+            ),
+            "terrain-holes": RemarkKind(
+                severity="info",
+                meaning="The DEM has no height in some pixels. The ground is closed there, and no plant stands on it.",
+                action="Nothing, or fill the holes with `gdal_fillnodata`.",
+            ),
+            "raster-covers-less": RemarkKind(
+                severity="warning",
+                meaning="A raster covers a part of the DEM only. Beyond it nothing is seen.",
+                action="Give a larger raster, or cut the DEM with `gdalwarp -te`.",
+            ),
+            "plants-left-out": RemarkKind(
+                severity="info",
+                meaning="Plants were seen or drawn, and not planted. The remark names the reason.",
+                action="Change the rules of `plants.toml` or the vegetation where they are wrong.",
+            ),
+            "class-without-plants": RemarkKind(
+                severity="info",
+                meaning="There is ground of a class for which `plants.toml` has no row. It stays empty.",
+                action="Add a row of that kind.",
+            ),
+            "no-plants": RemarkKind(
+                severity="warning",
+                meaning="Nothing shows where plants stand: the forest is bare ground.",
+                action="Give an orthophoto, a canopy height, a vegetation raster or trunks.",
+            ),
+        },
+    ),
 )
 
 REMARK_KINDS: Mapping[str, RemarkKind] = {code: kind for section in SECTIONS for code, kind in section.kinds.items()}

@@ -25,6 +25,11 @@ def plant_of(stage: Usd.Stage) -> Usd.Prim | None:
     return None
 
 
+def is_forest(plant: Usd.Prim) -> bool:
+    """Whether the root prim of an asset is that of a forest."""
+    return bool(Usd.ModelAPI(plant).GetKind() == Kind.Tokens.assembly)
+
+
 def check_asset_interface(stage: Usd.Stage, _time: object) -> Findings:
     """The interface layer: defaultPrim, kind, unit, up axis, one payload, alone at the top of its folder."""
     plant = plant_of(stage)
@@ -37,8 +42,9 @@ def check_asset_interface(stage: Usd.Stage, _time: object) -> Findings:
         text = f"is not the layer's defaultPrim, which {value}; author {plant.GetName()} as defaultPrim"
         findings.append(error(plant, "DefaultPrim", text))
     kind = Usd.ModelAPI(plant).GetKind()
-    if kind != Kind.Tokens.component:
-        findings.append(error(plant, "Kind", f"has kind {kind or 'none'}; a plant is a component, author that"))
+    if kind not in (Kind.Tokens.component, Kind.Tokens.assembly):
+        text = f"has kind {kind or 'none'}; a plant is a component, and a forest an assembly: author that"
+        findings.append(error(plant, "Kind", text))
     if not UsdGeom.StageHasAuthoredMetersPerUnit(stage) or UsdGeom.GetStageMetersPerUnit(stage) != 1:
         findings.append(
             error(plant, "MetersPerUnit", "is in a layer whose metersPerUnit is not 1; scale the plant and author 1")
@@ -82,6 +88,8 @@ def check_asset_paths(stage: Usd.Stage, _time: object) -> Findings:
             text = f"{place} names {path}, which is not relative and breaks when the asset moves; make it relative"
             findings.append(error(plant, "PathNotRelative", text))
         elif folder is not None and not _is_inside(layer, path, folder):
+            if is_forest(plant) and Path(path).suffix.lower() in USD_SUFFIXES:
+                continue  # the assets of its plants lie in a library
             text = f"{place} names {path}, outside the asset's folder; copy the file into the folder and name that"
             findings.append(error(plant, "PathOutside", text))
         elif path.endswith(".glslfx") and not _is_glslfx(layer, path):

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
+from pxr import Kind, Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from usdfoliage.asset.look_layer import LEAFY_LODS, LOD, REPRESENTATION, leafy_lods, select_lod
 from usdfoliage.asset.schema import LEAF_API, PLANT_API
@@ -222,7 +222,10 @@ def log_diagnostics(diagnostics: UsdUtils.CoalescingDiagnosticDelegate) -> None:
 
 
 def find_plants(stage: Usd.Stage) -> list[Usd.Prim]:
-    """The plants of a stage, loaded or not, those in instances too."""
+    """The plants of a stage, loaded or not, those in instances too; of a forest that alone, and not its prototypes."""
+    root = stage.GetDefaultPrim()
+    if root and root.HasAPI(PLANT_API) and Usd.ModelAPI(root).GetKind() == Kind.Tokens.assembly:
+        return [root]
     return _with_schema(stage, PLANT_API)
 
 

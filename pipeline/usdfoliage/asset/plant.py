@@ -14,7 +14,8 @@ from usdfoliage.asset.schema import PLANT_API
 # Below the root prim.
 LEAVES = "geo/render/Leaves"  # in every representation
 LEAVES_GUIDE = "geo/guide/Leaves"  # in every representation but bezier: the leaves themselves are below
-CROWN = "geo/proxy/Crown"
+CROWN_HOLDER = "geo/proxy"  # the scope that has the forms of the crown as variants
+CROWN = f"{CROWN_HOLDER}/Crown"
 BRANCHES = "geo/render/Branches"
 BARE_BRANCHES = "geo/proxy/Branches"  # those that stand out of the crown
 SKELETON = "geo/guide/Skeleton"
@@ -44,6 +45,7 @@ class Plant:
     guide_extent_m: NDArray[np.float64] | None = None  # (2, 3), of the guides of any variant
     relationships: Mapping[str, str]  # each to a prim below the root, as TO_LEAVES to LEAVES
     version: str  # of the asset
+    kind: str = Kind.Tokens.component
     lods: Mapping[str, PurposeBoxes] = field(
         default_factory=dict
     )  # where several hold different things: what each does
@@ -66,7 +68,7 @@ def asset_name(text: str) -> str:
 
 
 def author_plant(stage: Usd.Stage, path: Sdf.Path, plant: Plant) -> Usd.Prim:
-    """Make the prim at path a component with the facts of the plant, inheriting the class /__class__/<its name>."""
+    """Make the prim at path a model with the facts of the plant, inheriting the class /__class__/<its name>."""
     name = path.name
     for prefix in Sdf.Path(f"/__class__/{name}").GetPrefixes():
         stage.CreateClassPrim(prefix)
@@ -74,7 +76,7 @@ def author_plant(stage: Usd.Stage, path: Sdf.Path, plant: Plant) -> Usd.Prim:
     prim.GetInherits().AddInherit(f"/__class__/{name}")
 
     model = Usd.ModelAPI(prim)
-    model.SetKind(Kind.Tokens.component)
+    model.SetKind(plant.kind)
     model.SetAssetIdentifier(Sdf.AssetPath(f"./{name}.usda"))
     model.SetAssetName(name)
     model.SetAssetVersion(plant.version)

@@ -28,6 +28,7 @@ from usdfoliage.asset.packages.contents import (
     representations,
     require_plant,
 )
+from usdfoliage.asset.packages.forest_contents import ForestInfo, is_forest, read_forest
 from usdfoliage.asset.packed_files import file_name, unpacked
 from usdfoliage.asset.parts.branches import read_skeleton
 from usdfoliage.asset.parts.leaves import read_leaves
@@ -114,6 +115,7 @@ class AssetInfo:
     crown: CrownInfo | None
     branches: BranchInfo | None = None
     outside: tuple[str, ...] = ()  # files that it needs and that are not in its folder
+    forest: ForestInfo | None = None
 
 
 def describe_asset(asset: Path) -> AssetInfo:
@@ -135,7 +137,7 @@ def describe_asset(asset: Path) -> AssetInfo:
     present = representations(plant)
     if present:
         select_representation(stage, "bezier")
-    prims = find_leaves(stage)
+    prims = [] if is_forest(plant) else find_leaves(stage)
     return AssetInfo(
         name=facts.name,
         asset=str(interface),
@@ -157,6 +159,7 @@ def describe_asset(asset: Path) -> AssetInfo:
         leaves=_measure(plant, prims[0]) if prims else None,
         crown=_measure_crown(read_crown_facts(crown)) if crown is not None else None,
         branches=measure_branches(read_skeleton(skeleton)) if skeleton is not None else None,
+        forest=read_forest(plant) if is_forest(plant) else None,
     )
 
 
@@ -254,6 +257,8 @@ def format_info(info: AssetInfo) -> str:
         rows += branch_rows(info.branches)
     if info.crown is not None:
         rows += _crown_rows(info.crown)
+    if info.forest is not None:
+        rows += _forest_rows(info.forest)
     rows += [("layer", f"{file.path}, {_size(file.size_bytes)}") for file in info.layers]
     rows += [("file", f"{file.path}, {_size(file.size_bytes)}") for file in info.files]
     rows += [("missing", path) for path in info.missing]
@@ -305,6 +310,16 @@ def _crown_rows(crown: CrownInfo) -> list[tuple[str, str]]:
     return [
         ("crown", f"radius {low:.4g} to {high:.4g} m about {_numbers(crown.center_m)}, relief {crown.relief_weight:g}"),
         *((name, f"6 faces of {px} x {px}" if px else "missing") for name, px in maps),
+    ]
+
+
+def _forest_rows(forest: ForestInfo) -> list[tuple[str, str]]:
+    near_m, far_m = forest.lod_distance_m
+    return [
+        ("terrain", f"{forest.terrain_faces:,} faces"),
+        ("plants", ", ".join(f"{count:,} in the level {level}" for level, count in forest.levels.items()) or "none"),
+        *((species, f"{count:,}") for species, count in forest.plants.items()),
+        ("lod distance", f"{near_m:g} to {far_m:g} m, seed {forest.seed}"),
     ]
 
 

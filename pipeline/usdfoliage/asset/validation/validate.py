@@ -16,6 +16,7 @@ from pxr import Sdf, Usd, UsdUtils
 from usdfoliage.asset.locate import MISSING, find_interface, log_diagnostics, lost_layers
 from usdfoliage.asset.looks.look import open_root_layer
 from usdfoliage.asset.packages.contents import interface_of, irregular_files
+from usdfoliage.asset.packages.forest_contents import is_forest
 from usdfoliage.asset.packed_files import display_name
 from usdfoliage.asset.schema import PLANT_API, SCHEMAS, require_schemas
 from usdfoliage.asset.validation.findings import SEVERITIES, Finding
@@ -188,12 +189,15 @@ def _irregular_files(path: Path, is_scene: bool) -> Iterator[Finding]:
 def _selections(root: Sdf.Layer) -> list[Selection]:
     """Every choice of variants that the asset offers; one empty choice, as authored, where it has none.
 
-    Of choices that are the same asset only the first: in the lod crown there are no representations of leaves.
+    Of choices that are the same asset only the first: in the lod crown there are no representations of leaves. The
+    assets in a forest have choices of their own, which are looked at where these are validated.
     """
     stage = Usd.Stage.Open(root)
+    forest = is_forest(stage.GetDefaultPrim())
     offered = [
         [(prim.GetPath(), name, variant) for variant in prim.GetVariantSets().GetVariantSet(name).GetVariantNames()]
         for prim in stage.Traverse(Usd.PrimIsActive & ~Usd.PrimIsAbstract)  # what a class offers shows where it is used
+        if not forest or prim == stage.GetDefaultPrim()
         for name in prim.GetVariantSets().GetNames()
     ]
     offered = [choices for choices in offered if choices]

@@ -1,0 +1,149 @@
+"""Plant a forest on a terrain, from rasters of its ground and of what stands on it.
+
+DEM is a raster of the ground's heights. Trees are found in the canopy height, or in the orthophoto where there is no
+canopy height; --trunks gives their places instead. Shrubs and grass are drawn where --vegetation has their class.
+plants.toml lists the species, their assets, heights and shares, and what they look like from above.
+
+    usdfoliage forest dem.tif --plants plants.toml --orthophoto photo.tif --canopy canopy.tif -o forests/valley
+
+The forest references the assets of its plants, and opens wherever these are.
+"""
+
+import argparse
+from pathlib import Path
+
+from usdfoliage.cli.json_output import add_json
+from usdfoliage.cli.options.access import given
+from usdfoliage.cli.options.leaf_commands import (
+    add_no_preview,
+    add_output,
+    add_reproducible,
+    add_seed,
+    add_writing,
+)
+from usdfoliage.files.write_gate import Access
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from usdfoliage.forest.planting import PlantingSettings
+    from usdfoliage.forest.tree_tops import TreeTopSettings
+    from usdfoliage.jobs.forest.run import ForestRequest
+
+    files = parser.add_argument_group("input and output")
+    files.add_argument(
+        "dem",
+        metavar="DEM",
+        type=Path,
+        help="The input is a raster of the ground's heights, as a GeoTIFF in a coordinate system in metres or feet.",
+    )
+    add_output(files)
+    files.add_argument(
+        "--plants",
+        metavar="FILE",
+        type=Path,
+        required=True,
+        help="This TOML file lists the plants, a [[plant]] row for each.",
+    )
+    files.add_argument(
+        "--orthophoto",
+        metavar="FILE",
+        type=Path,
+        help="This raster shows the ground and its plants from above, in red, green and blue.",
+    )
+    files.add_argument(
+        "--canopy", metavar="FILE", type=Path, help="This raster has the height of the plants above the ground."
+    )
+    files.add_argument(
+        "--vegetation",
+        metavar="FILE",
+        type=Path,
+        help="This raster has a class for each place: 0 none, 1 trees, 2 shrubs, 3 grass. [classes] of the plants' "
+        "file names others.",
+    )
+    files.add_argument(
+        "--trunks",
+        metavar="CSV",
+        type=Path,
+        help="This file has the easting and northing of a tree on each line. Trees are not looked for then.",
+    )
+    planting = parser.add_argument_group("of the plants")
+    low_m, high_m = TreeTopSettings.radius_m
+    planting.add_argument(
+        "--crown-radius",
+        metavar=("LEAST", "GREATEST"),
+        type=float,
+        nargs=2,
+        default=(low_m, high_m),
+        help=f"Crowns with radii in this range are found, in metres; the default is {low_m:g} {high_m:g}.",
+    )
+    planting.add_argument(
+        "--trees-per-ha",
+        metavar="N",
+        type=float,
+        default=PlantingSettings.trees_per_ha,
+        help="So many trees stand on a hectare of their class where nothing shows them singly; the default is "
+        "%(default)g.",
+    )
+    planting.add_argument(
+        "--max-ground-cover",
+        metavar="N",
+        type=int,
+        default=PlantingSettings.max_ground_cover,
+        help="There are at most so many shrubs and tufts of grass; the default is %(default)s.",
+    )
+    near_m, far_m = ForestRequest.lod_distance_m
+    planting.add_argument(
+        "--lod-distance",
+        metavar=("NEAR", "FAR"),
+        type=float,
+        nargs=2,
+        default=(near_m, far_m),
+        help="Plants change from their near to their far form between these distances from a camera, in metres; the "
+        f"default is {near_m:g} {far_m:g}.",
+    )
+    planting.add_argument(
+        "--max-terrain-quads",
+        metavar="N",
+        type=int,
+        default=ForestRequest.max_terrain_quads,
+        help="The mesh of the ground has at most so many faces; the default is %(default)s.",
+    )
+    run_options = parser.add_argument_group("this run")
+    add_seed(run_options, PlantingSettings.seed, 31)
+    add_no_preview(run_options)
+    add_reproducible(run_options)
+    add_writing(run_options)
+    add_json(run_options)
+
+
+def declare(options: argparse.Namespace) -> Access:
+    reads = given(options.dem, options.plants, options.orthophoto, options.canopy, options.vegetation, options.trunks)
+    return Access(reads=reads, replaces=(options.output,))
+
+
+def run(options: argparse.Namespace) -> int:
+    from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.json_output import format_made
+    from usdfoliage.cli.options.forest import read_forest_request
+    from usdfoliage.cli.progress import StepBar
+    from usdfoliage.cli.remarks import print_remarks
+    from usdfoliage.jobs.forest.run import make_forest_asset, plan_forest_asset
+
+    handle_interrupts()
+    request = read_forest_request(options)
+    if options.dry_run:
+        print(plan_forest_asset(request))
+        return 0
+    with StepBar() as bar:
+        made = make_forest_asset(request, bar.show)
+    if options.json:
+        print(format_made(asset=made.asset, report=made.report, facts=made.rows, remarks=made.remarks))
+        return 0
+    print_remarks(made.remarks, "forest")
+    for row in made.rows:
+        print(f"{row.name}: {row.value}{f' ({row.remark})' if row.remark else ''}")
+    print(f"asset: {made.asset}")
+    if made.preview:
+        print(f"preview: {made.preview}")
+    print(f"report: {made.report}")
+    return 0

@@ -1,0 +1,43 @@
+"""What the options of usdfoliage forest set, checked."""
+
+import argparse
+
+from usdfoliage.asset.plant import asset_name
+from usdfoliage.cli.remarks import render_for
+from usdfoliage.errors import FoliageError
+from usdfoliage.forest.planting import PlantingSettings
+from usdfoliage.forest.tree_tops import TreeTopSettings
+from usdfoliage.jobs.forest.inputs import ForestFiles
+from usdfoliage.jobs.forest.run import ForestRequest
+
+
+def read_forest_request(options: argparse.Namespace) -> ForestRequest:
+    """The request; FoliageError for values that cannot be."""
+    try:
+        return ForestRequest(
+            files=ForestFiles(
+                dem=options.dem,
+                plants=options.plants,
+                orthophoto=options.orthophoto,
+                canopy=options.canopy,
+                vegetation=options.vegetation,
+                trunks=options.trunks,
+            ),
+            output=options.output,
+            name=asset_name(options.name or options.output.resolve().name),
+            planting=PlantingSettings(
+                seed=options.seed,
+                tree_tops=TreeTopSettings(radius_m=(options.crown_radius[0], options.crown_radius[1])),
+                trees_per_ha=options.trees_per_ha,
+                max_ground_cover=options.max_ground_cover,
+            ),
+            max_terrain_quads=options.max_terrain_quads,
+            lod_distance_m=(options.lod_distance[0], options.lod_distance[1]),
+            force=options.force,
+            keep_old=options.keep_old,
+            preview=not options.no_preview,
+            times=not options.reproducible,
+            render_setting=render_for("forest"),
+        )
+    except ValueError as error:
+        raise FoliageError(str(error)) from error

@@ -1,0 +1,1 @@
+"""The job of forests: from rasters of a terrain to an asset."""

@@ -1,0 +1,203 @@
+"""The files of a forest, read and brought into one coordinate system."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.errors import CaptureError
+from usdfoliage.files.reading import read_regular
+from usdfoliage.forest.planting import ForestInput
+from usdfoliage.forest.plants_file import PlantsFile, read_plants_file
+from usdfoliage.forest.raster import Raster, is_inside
+from usdfoliage.forest.raster_files import RasterFile, is_covered, read_raster
+from usdfoliage.forest.terrain import make_terrain
+from usdfoliage.geometry.color import decode_srgb
+from usdfoliage.remarks import Remark, remark
+
+FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us survey foot": 1200 / 3937, "us-ft": 1200 / 3937}
+METRES = ("", "m", "metre", "meter", "metres", "meters")
+MIN_COVERED = 0.05  # of the DEM, by another raster
+WHOLLY_COVERED = 0.98  # from which on there is no remark
+MAX_TRUNK_BYTES = 1 << 28
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForestFiles:
+    """What the user gives."""
+
+    dem: Path
+    plants: Path
+    orthophoto: Path | None = None
+    canopy: Path | None = None
+    vegetation: Path | None = None
+    trunks: Path | None = None
+
+    @property
+    def given(self) -> tuple[Path, ...]:
+        """All files that are given."""
+        files = (self.dem, self.plants, self.orthophoto, self.canopy, self.vegetation, self.trunks)
+        return tuple(path for path in files if path is not None)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReadForest:
+    """What the files hold."""
+
+    planted: ForestInput
+    metres_per_unit: float  # of easting and northing in the DEM
+    metres_per_height: float  # of its heights
+    remarks: tuple[Remark, ...]
+
+
+def read_forest(files: ForestFiles) -> ReadForest:
+    """Read everything a forest is planted from.
+
+    Raises:
+        CaptureError: A file cannot be used; the text names it and what to do.
+    """
+    plants = read_plants_file(files.plants)
+    remarks: list[Remark] = []
+    dem = read_raster(files.dem, "the DEM")
+    height_unit = _height_unit(dem, files.dem, remarks)
+    if not dem.has_crs:
+        text = f"{files.dem.name} states no coordinate system; its easting, northing and heights are taken for metres"
+        remarks.append(remark("terrain-without-crs", text))
+    heights = dem.raster.values
+    if heights.ndim == 3:
+        raise CaptureError(f"the DEM {files.dem} has {heights.shape[2]} bands", "give a raster of one band, of heights")
+    raster = Raster(values=heights * height_unit, ground_from_pixel=dem.raster.ground_from_pixel, crs=dem.raster.crs)
+    terrain = make_terrain(raster)
+    if terrain.hole_share > 0:
+        text = f"{terrain.hole_share:.1%} of the DEM have no height: the ground is closed there, and nothing is planted"
+        remarks.append(remark("terrain-holes", text))
+    orthophoto = canopy = vegetation = None
+    if files.orthophoto is not None:
+        orthophoto = _read_orthophoto(files.orthophoto, terrain.heights, remarks)
+    if files.canopy is not None:
+        canopy = _read_other(files.canopy, "the canopy height", terrain.heights, remarks)
+        canopy = Raster(values=canopy.values * height_unit, ground_from_pixel=canopy.ground_from_pixel, crs=canopy.crs)
+    if files.vegetation is not None:
+        vegetation = _read_other(files.vegetation, "the vegetation", terrain.heights, remarks)
+        _check_codes(vegetation, plants, files.vegetation)
+    trunks_m = None
+    if files.trunks is not None:
+        trunks_m = read_trunks(files.trunks) * dem.metres_per_unit
+        inside = is_inside(terrain.heights, trunks_m)
+        if not inside.any():
+            raise CaptureError(
+                f"none of the {len(trunks_m):,} trunks in {files.trunks} stands on the DEM",
+                "write easting and northing in the DEM's coordinate system",
+            )
+    return ReadForest(
+        planted=ForestInput(
+            terrain=terrain,
+            plants=plants,
+            orthophoto=orthophoto,
+            canopy=canopy,
+            vegetation=vegetation,
+            trunks_m=trunks_m,
+        ),
+        metres_per_unit=dem.metres_per_unit,
+        metres_per_height=height_unit,
+        remarks=tuple(remarks),
+    )
+
+
+def read_trunks(path: Path) -> NDArray[np.float64]:
+    """(N, 2) easting and northing, of a CSV: two numbers a line, more columns and lines of words are left out.
+
+    Raises:
+        CaptureError: It cannot be read, or has no such line.
+    """
+    try:
+        data = read_regular(path, MAX_TRUNK_BYTES + 1)
+    except OSError as error:
+        raise CaptureError(f"the trunks {path} cannot be read: {error.strerror}", "name a CSV file") from error
+    if len(data) > MAX_TRUNK_BYTES:
+        raise CaptureError(f"the trunks {path} have more than {MAX_TRUNK_BYTES:,} bytes", "name a CSV of trunks")
+    places = []
+    for line in data.decode("utf-8", "replace").splitlines():
+        words = line.replace(";", ",").replace(",", " ").split()
+        try:
+            place = [float(word) for word in words[:2]]
+        except ValueError:
+            continue
+        if len(place) == 2 and np.isfinite(place).all():
+            places.append(place)
+    if not places:
+        raise CaptureError(f"the trunks {path} have no line of two numbers", "write easting,northing a line")
+    return np.array(places, np.float64)
+
+
+def _height_unit(dem: RasterFile, path: Path, remarks: list[Remark]) -> float:
+    """Metres of one unit of height: as the file states it, or that of easting and northing."""
+    if dem.value_unit in FEET:
+        return FEET[dem.value_unit]
+    if dem.value_unit and dem.value_unit in METRES:
+        return 1.0
+    if dem.metres_per_unit != 1.0:
+        text = f"{path.name} is in units of {dem.metres_per_unit:.4g} m; its heights are taken for the same unit"
+        remarks.append(remark("terrain-height-unit", text))
+    return dem.metres_per_unit
+
+
+def _read_other(path: Path, name: str, onto: Raster, remarks: list[Remark]) -> Raster:
+    """A raster of one band over the ground of the DEM."""
+    raster = read_raster(path, name, onto).raster
+    if raster.values.ndim == 3:
+        raise CaptureError(f"{name} {path} has {raster.values.shape[2]} bands", "give a raster of one band")
+    _check_covered(raster, path, name, onto, remarks)
+    return raster
+
+
+def _read_orthophoto(path: Path, onto: Raster, remarks: list[Remark]) -> Raster:
+    """The orthophoto in linear colours."""
+    file = read_raster(path, "the orthophoto", onto)
+    values = file.raster.values
+    if values.ndim != 3 or values.shape[2] < 3:
+        raise CaptureError(f"the orthophoto {path} has no three bands", "give red, green and blue")
+    _check_covered(file.raster, path, "the orthophoto", onto, remarks)
+    colors = values[..., :3]
+    if file.largest_integer:
+        colors = np.asarray(decode_srgb(np.clip(colors / file.largest_integer, 0, 1)), np.float32)
+    return Raster(values=colors, ground_from_pixel=file.raster.ground_from_pixel, crs=file.raster.crs)
+
+
+def _check_covered(raster: Raster, path: Path, name: str, onto: Raster, remarks: list[Remark]) -> None:
+    covered = is_covered(onto, raster)
+    if covered < MIN_COVERED:
+        raise CaptureError(
+            f"{name} {path} covers {covered:.0%} of the DEM: the two are of different places or coordinate systems",
+            "give rasters of one place, each with its coordinate system",
+        )
+    if covered < WHOLLY_COVERED:
+        text = f"{name} {path.name} covers {covered:.0%} of the DEM"
+        remarks.append(remark("raster-covers-less", text, subject=path.name))
+
+
+def _check_codes(vegetation: Raster, plants: PlantsFile, path: Path) -> None:
+    codes = np.unique(vegetation.values[np.isfinite(vegetation.values)])
+    unknown = [f"{code:g}" for code in codes.tolist() if code not in plants.classes]
+    if unknown:
+        named = ", ".join(unknown[:8]) + (" …" if len(unknown) > 8 else "")
+        raise CaptureError(
+            f"the vegetation {path} has the code{'s' if len(unknown) > 1 else ''} {named}; known are "
+            f"{', '.join(str(code) for code in sorted(plants.classes))}",
+            f'name {"each" if len(unknown) > 1 else "it"} in [classes] of {plants.path}: {unknown[0]} = "tree"',
+        )
+
+
+def describe_files(files: ForestFiles) -> Sequence[str]:
+    """A line for each file that is given."""
+    named = (
+        ("DEM", files.dem),
+        ("plants", files.plants),
+        ("orthophoto", files.orthophoto),
+        ("canopy height", files.canopy),
+        ("vegetation", files.vegetation),
+        ("trunks", files.trunks),
+    )
+    return [f"{name}: {path}" for name, path in named if path is not None]

@@ -1,0 +1,270 @@
+"""From a DEM and what lies over it to a forest on disk."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage import __version__
+from usdfoliage.asset.asset_record import AssetOrigin
+from usdfoliage.asset.materials.ground import GroundMaterial
+from usdfoliage.asset.packages.forest_package import ForestParts, write_forest_asset
+from usdfoliage.asset.parts.terrain import TerrainPrim
+from usdfoliage.asset.provenance import Provenance, combined_sha256
+from usdfoliage.asset.publish import plan_folder, publish_folder
+from usdfoliage.files.hashing import hash_file
+from usdfoliage.forest.planting import Planting, PlantingSettings, plant_forest
+from usdfoliage.forest.raster import Raster
+from usdfoliage.forest.terrain import mesh_terrain, middle_of
+from usdfoliage.geometry.color import encode_srgb
+from usdfoliage.jobs.forest.inputs import ForestFiles, ReadForest, describe_files, read_forest
+from usdfoliage.jobs.forest.levels import count_rows, levels_of, make_level, measure_plants
+from usdfoliage.jobs.forest.report import ForestReport, draw_forest, write_forest_report
+from usdfoliage.jobs.report.pictures import write_picture
+from usdfoliage.jobs.report.table import Row
+from usdfoliage.progress import StepProgress, follow_step
+from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, label_remarks, remark
+
+STEPS = ("read", "plants", "planting", "asset", "preview")
+MAX_SIDE_PX = 8192  # of the orthophoto's copy in the asset
+LOSSLESS_PIXELS = 4_000_000  # up to which it is a PNG
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForestRequest:
+    """What the user asked for, checked."""
+
+    files: ForestFiles
+    output: Path
+    name: str
+    planting: PlantingSettings = field(default_factory=PlantingSettings)
+    max_terrain_quads: int = 1_000_000
+    lod_distance_m: tuple[float, float] = (100.0, 200.0)  # as the thesis has it, section 7.3
+    force: bool = False
+    keep_old: bool = False
+    preview: bool = True
+    times: bool = True
+    render_setting: RenderSetting = as_plan_setting
+
+    @property
+    def origin(self) -> AssetOrigin:
+        """Of the asset."""
+        return AssetOrigin(name=self.name, command="forest", source=self.files.dem.resolve().name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenForest:
+    """What was written, and what the user should know of it."""
+
+    asset: Path
+    report: Path
+    preview: Path | None
+    remarks: tuple[Remark, ...]
+    rows: tuple[Row, ...]
+
+
+def make_forest_asset(request: ForestRequest, progress: StepProgress | None = None) -> WrittenForest:
+    """Plant a terrain and publish it as an asset; the old asset stays until the new one is whole.
+
+    Raises:
+        FoliageError: A file cannot be used, or the output cannot be written; nothing was changed.
+    """
+    seconds: dict[str, float] = {}
+    with publish_folder(
+        request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
+    ) as folder:
+        with follow_step("read", seconds, progress):
+            read = read_forest(request.files)
+        with follow_step("plants", seconds, progress):
+            assets = measure_plants(read.planted.plants)
+        with follow_step("planting", seconds, progress):
+            planting = plant_forest(read.planted, request.planting)
+        remarks = [*read.remarks, *describe_planting(planting)]
+        with follow_step("asset", seconds, progress):
+            origin_m = middle_of(read.planted.terrain)
+            asset_from_ground = frame_of(origin_m)
+            (folder / "maps").mkdir()
+            texture = _write_orthophoto(folder, request.name, read.planted.orthophoto, read.planted.terrain.heights)
+            mesh = mesh_terrain(read.planted.terrain, request.max_terrain_quads)
+            points = np.column_stack([mesh.places_m, np.ones(len(mesh.places_m))]) @ asset_from_ground.T
+            terrain = TerrainPrim(points_m=points[:, :3], faces=mesh.faces, st=mesh.st)
+            levels = [
+                make_level(
+                    name,
+                    planting,
+                    read.planted.plants,
+                    assets,
+                    request.output.absolute() / "payload",
+                    asset_from_ground,
+                    request.planting.seed,
+                    request.lod_distance_m,
+                )
+                for name in levels_of(assets)
+            ]
+            if texture:
+                low, high = terrain.extent_m
+                bounds = (float(low[0]), float(low[2]), float(high[0]), float(high[2]))
+                levels = [replace(level, orthophoto=texture, orthophoto_bounds_m=bounds) for level in levels]
+            interface = write_forest_asset(
+                folder,
+                request.name,
+                ForestParts(
+                    terrain=terrain,
+                    levels=levels,
+                    ground=GroundMaterial(texture=texture),
+                    asset_from_terrain=asset_from_ground
+                    @ np.diag([read.metres_per_unit, read.metres_per_unit, read.metres_per_height, 1.0]),
+                ),
+                _provenance(request),
+            )
+        report_folder = folder / "report"
+        report_folder.mkdir(exist_ok=True)
+        rows = forest_rows(planting, read)
+        drawn = draw_forest(interface if request.preview else None, report_folder, terrain, remarks, progress)
+        report = ForestReport(
+            name=request.name,
+            dem=request.files.dem.name,
+            generator=f"usdfoliage {__version__}",
+            rows=rows,
+            settings=describe_settings(request),
+            remarks=tuple(remarks),
+            render_setting=request.render_setting,
+            seconds=seconds if request.times else {},
+        )
+        write_forest_report(report_folder, report, read.planted, planting, drawn)
+    return WrittenForest(
+        asset=request.output / interface.name,
+        report=request.output / "report" / "index.html",
+        preview=request.output / "report" / drawn[0].file if drawn else None,
+        remarks=tuple(remarks),
+        rows=rows,
+    )
+
+
+def plan_forest_asset(request: ForestRequest) -> str:
+    """What make_forest_asset would do, in lines, after checking the input; writes nothing.
+
+    Raises:
+        FoliageError: A file cannot be used.
+    """
+    would = plan_folder(
+        request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
+    )
+    read = read_forest(request.files)
+    measure_plants(read.planted.plants)
+    height, width = read.planted.terrain.heights.values.shape
+    return "\n".join(
+        [
+            *describe_files(request.files),
+            f"terrain: {width:,} x {height:,} pixels of {read.planted.terrain.heights.cell_m:.3g} m",
+            f"species: {', '.join(row.species for row in read.planted.plants.rows)}",
+            *label_remarks(read.remarks, request.render_setting),
+            f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
+            f"steps: {', '.join(STEPS if request.preview else STEPS[:-1])}",
+            would,
+        ]
+    )
+
+
+def frame_of(origin_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(4, 4), column vectors: (easting, northing, height) in metres to (x, y, z), Y up, north to -Z, about an origin.
+
+    Positions in single precision keep their millimetres that way.
+    """
+    turn = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+    move = np.eye(4)
+    move[:3, 3] = -origin_m
+    return np.asarray(turn @ move)
+
+
+def describe_planting(planting: Planting) -> list[Remark]:
+    """Remarks on what was not planted, and why."""
+    remarks = []
+    for reason, count in sorted(planting.not_planted.items()):
+        remarks.append(remark("plants-left-out", f"{count:,} plants are left out: {reason}"))
+    for kind in planting.empty_kinds:
+        text = f"there is ground of the class {kind}, and plants.toml has no row of that kind: it stays empty"
+        remarks.append(remark("class-without-plants", text, subject=str(kind)))
+    if not len(planting):
+        remarks.append(remark("no-plants", "nothing shows where plants stand, and no plant is planted"))
+    return remarks
+
+
+def forest_rows(planting: Planting, read: ReadForest) -> tuple[Row, ...]:
+    """The figures of a forest, for report and terminal."""
+    terrain = read.planted.terrain
+    height, width = terrain.heights.values.shape
+    cell_m = terrain.heights.cell_m
+    low_m, high_m = float(terrain.heights.values.min()), float(terrain.heights.values.max())
+    rows = [
+        Row(
+            name="terrain",
+            value=f"{width * cell_m:,.0f} x {height * cell_m:,.0f} m",
+            remark=f"{low_m:.1f} to {high_m:.1f} m high",
+        ),
+        Row(name="plants", value=f"{len(planting):,}", remark=f"{int(planting.seen.sum()):,} of them seen singly"),
+    ]
+    rows += [
+        Row(name=species, value=f"{count:,}") for species, count in count_rows(planting, read.planted.plants).items()
+    ]
+    if len(planting):
+        low, middle, high = np.percentile(planting.height_m, [5, 50, 95])
+        rows.append(
+            Row(name="height", value=f"{middle:.1f} m", remark=f"median; 90 % of them {low:.1f} to {high:.1f} m")
+        )
+    return tuple(rows)
+
+
+def describe_settings(request: ForestRequest) -> Mapping[str, str]:
+    """Every setting that decides the result, by the name of its option."""
+    planting = request.planting
+    low_m, high_m = planting.tree_tops.radius_m
+    return {
+        "seed": str(planting.seed),
+        "crown-radius": f"{low_m:g} {high_m:g}",
+        "trees-per-ha": f"{planting.trees_per_ha:g}",
+        "max-ground-cover": str(planting.max_ground_cover),
+        "lod-distance": "{:g} {:g}".format(*request.lod_distance_m),
+        "max-terrain-quads": str(request.max_terrain_quads),
+    }
+
+
+def _provenance(request: ForestRequest) -> Provenance:
+    inputs = {path.name: hash_file(path).hex() for path in request.files.given}
+    return Provenance(
+        capture=request.files.dem.name,
+        generator=f"usdfoliage {__version__}",
+        seed=request.planting.seed,
+        settings=describe_settings(request),
+        input_sha256=combined_sha256(inputs),
+        inputs=inputs,
+    )
+
+
+def _write_orthophoto(folder: Path, name: str, photo: Raster | None, onto: Raster) -> str:
+    """The orthophoto over the rectangle of the DEM, in the asset's maps; its path from the payload, empty of none."""
+    if photo is None:
+        return ""
+    height, width = onto.values.shape
+    finer = max(1.0, onto.cell_m / photo.cell_m)
+    factor = min(finer, MAX_SIDE_PX / max(height, width))
+    size = max(1, round(width * factor)), max(1, round(height * factor))
+    # From a pixel of the copy to one of the orthophoto, both counted from the middle of the first pixel.
+    matrix = np.vstack([photo.ground_from_pixel, [0, 0, 1]])
+    target = np.vstack([onto.ground_from_pixel, [0, 0, 1]]) @ np.diag([width / size[0], height / size[1], 1.0])
+    half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])
+    source = np.linalg.inv(half) @ np.linalg.inv(matrix) @ target @ half
+    picture = cv2.warpAffine(
+        np.ascontiguousarray(np.nan_to_num(photo.values), np.float32),
+        source[:2],
+        size,
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    file = f"{name}_orthophoto{'.png' if size[0] * size[1] <= LOSSLESS_PIXELS else '.jpg'}"
+    encoded = np.rint(np.clip(np.asarray(encode_srgb(picture)), 0, 1) * 255).astype(np.uint8)
+    write_picture(folder / "maps" / file, encoded, jpeg_quality=92)
+    return f"../maps/{file}"
