@@ -106,6 +106,7 @@ def commands() -> dict[str, dict[str, Any]]:
         "build": made(**plant),
         "capture": made(cloud=TEXT, seconds=SECONDS),
         "crown": made(),
+        "forest": made(),
         "edit": made(changes=listed(schema_of(Change))),
         "export": made(profile={"enum": list(PROFILES)}),
         "info": {"anyOf": [schema_of(AssetInfo), schema_of(PlainLook)]},

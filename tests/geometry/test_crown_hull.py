@@ -32,6 +32,7 @@ def test_a_hull_holds_its_crown(seed, divisions):
     hull = fit_crown_hull(radius_m, center_m, divisions)
     direction = face_directions(radius_m.shape[1]).reshape(-1, 3)
     assert (distance_along(hull, center_m, direction) >= radius_m.reshape(-1) * 0.9999).all()
+    assert np.linalg.norm(hull.points_m - center_m, axis=1).max() < 1.7 * radius_m.max()
 
 
 @pytest.mark.parametrize(("divisions", "faces"), [(0, 20), (1, 80), (2, 320)])
@@ -48,6 +49,16 @@ def test_around_a_ball_it_is_nearly_the_ball():
     reach = np.linalg.norm(hull.points_m, axis=1)
     assert reach.min() > 3.0
     assert reach.max() < 3.0 * 1.25
+
+
+@pytest.mark.parametrize("size", [8, 16, 32])
+def test_of_a_crown_with_a_spike_no_vertex_is_far_away(size):
+    radius_m = np.full((6, size, size), 1.0)
+    radius_m[0, size // 2 - 2 : size // 2 + 2, size // 2 - 2 : size // 2 + 2] = 4.0
+    hull = fit_crown_hull(radius_m, np.zeros(3), 1)
+    assert np.linalg.norm(hull.points_m, axis=1).max() < 1.7 * 4.0
+    direction = face_directions(size).reshape(-1, 3)
+    assert (distance_along(hull, np.zeros(3), direction) >= radius_m.reshape(-1) * 0.9999).all()
 
 
 def test_around_a_slim_crown_it_is_slim():

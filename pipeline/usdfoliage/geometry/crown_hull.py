@@ -17,6 +17,7 @@ from usdfoliage.geometry.cubemap import face_directions
 
 _COARSE = 32  # texels along an edge of the map that the program has; the result is checked with all
 _BLOCK = 1 << 14  # directions at a time
+_FARTHEST = 1.6  # of the largest radius, that a vertex is away
 _MARGIN = 1.002  # of a radius, by which the hull is outside it
 
 
@@ -48,7 +49,11 @@ def fit_crown_hull(radius_m: NDArray[np.floating], center_m: NDArray[np.floating
     columns = faces[face[chosen]].reshape(-1)
     matrix: Any = coo_matrix((share[chosen].reshape(-1), (rows, columns)), (len(chosen), len(direction))).tocsr()
     solved = linprog(
-        -np.ones(len(direction)), A_ub=matrix, b_ub=1 / needed_m[chosen], bounds=(1e-9, None), method="highs"
+        -np.ones(len(direction)),
+        A_ub=matrix,
+        b_ub=1 / needed_m[chosen],
+        bounds=(1 / (_FARTHEST * needed_m.max()), None),  # no vertex goes far away for the sake of its neighbours
+        method="highs",
     )
     inverse = np.full(len(direction), 1 / needed_m.max()) if solved.x is None else solved.x
     # Where the program did not look, the hull is made larger by what is missing.

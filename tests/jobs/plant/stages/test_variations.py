@@ -50,7 +50,7 @@ def test_a_variation_that_cannot_be_made_is_a_warning(tmp_path, monkeypatch):
     assert "give other roots" in str(failed.remedy)
     (short,) = [each for each in read_summary(call.out).remarks if each.code == "variations-incomplete"]
     assert "1 of 1 variations" in short.text
-    assert "2 to 93.0 %" in short.text
+    assert "93.0 % (number 2)" in short.text
     assert "similarity of variations, S_T" in {row.name for row in read_summary(call.out).rows}
 
     error = WriteError("the disk is full")
