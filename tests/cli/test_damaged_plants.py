@@ -30,6 +30,8 @@ def put(folder, prim, name, value_type, value):
     """Replace an attribute by one of another type, as layers may that no one checked."""
     layer = Sdf.Layer.FindOrOpen(str(folder / "payload" / f"{CRATES[prim]}.usdc"))
     spec = layer.GetPrimAtPath(prim)
+    if name not in spec.attributes:  # a crown's geometry is in the variants of its forms
+        spec = layer.GetPrimAtPath(prim.replace("/Crown", "{crown=mesh}Crown"))
     spec.RemoveProperty(spec.attributes[name])
     attribute = Sdf.AttributeSpec(spec, name, value_type)
     if value is not None:

@@ -15,7 +15,8 @@ from usdfoliage.asset.schema import PLANT_API
 LEAVES = "geo/render/Leaves"  # in every representation
 LEAVES_GUIDE = "geo/guide/Leaves"  # in every representation but bezier: the leaves themselves are below
 CROWN_HOLDER = "geo/proxy"  # the scope that has the forms of the crown as variants
-CROWN = f"{CROWN_HOLDER}/Crown"
+CROWN_NAME = "Crown"
+CROWN = f"{CROWN_HOLDER}/{CROWN_NAME}"
 BRANCHES = "geo/render/Branches"
 BARE_BRANCHES = "geo/proxy/Branches"  # those that stand out of the crown
 SKELETON = "geo/guide/Skeleton"

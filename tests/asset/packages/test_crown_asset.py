@@ -70,12 +70,14 @@ def test_layout(oak):
     folder = oak.parent
     assert sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()) == [
         "maps/oak_crown_color.exr",
+        "maps/oak_crown_leaf.png",
         "maps/oak_crown_radius.exr",
         "oak.usda",
         "payload/crown.usdc",
         "payload/materials.usda",
         "payload/payload.usda",
         "shaders/usdFoliageCrown.glslfx",
+        "shaders/usdFoliageCrownLeaves.glslfx",
         "shaders/usdFoliageCrownRelief.glslfx",
     ]
     assert is_asset_folder(folder)
@@ -118,7 +120,15 @@ def test_unloaded_asset_reads_nothing_heavy_and_has_bounds(oak):
     stage.Load()
     cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"], useExtentsHint=False)
     loaded = cache.ComputeWorldBound(stage.GetDefaultPrim()).ComputeAlignedRange()
-    assert unloaded == loaded
+    forms = stage.GetPrimAtPath("/oak/geo/proxy").GetVariantSets().GetVariantSet("crown")
+    around = Gf.Range3d(loaded)
+    for form in ("relief", "leaves"):
+        forms.SetVariantSelection(form)
+        cache.Clear()
+        around.UnionWith(cache.ComputeWorldBound(stage.GetDefaultPrim()).ComputeAlignedRange())
+    np.testing.assert_allclose(unloaded.GetMin(), around.GetMin(), rtol=1e-6)
+    np.testing.assert_allclose(unloaded.GetMax(), around.GetMax(), rtol=1e-6)
+    forms.SetVariantSelection("mesh")
     cage_m = UsdGeom.Mesh(stage.GetPrimAtPath("/oak/geo/proxy/Crown")).GetPointsAttr().Get()
     # What holds the cage holds its limit.
     np.testing.assert_allclose(loaded.GetMax(), np.max(cage_m, axis=0), rtol=1e-6)

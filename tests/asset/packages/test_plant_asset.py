@@ -110,8 +110,13 @@ def test_the_hint_of_each_lod_is_what_it_draws_by_purpose(asset, lod):
         stage.SetEditTarget(stage.GetSessionLayer())
         UsdGeom.Imageable(stage.GetPrimAtPath("/oak/geo/proxy")).MakeVisible()
     for number, purpose in enumerate(("default", "render", "proxy", "guide")):
-        cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), [purpose])
-        box = cache.ComputeUntransformedBound(stage.GetDefaultPrim()).ComputeAlignedRange()
+        box = Gf.Range3d()
+        for form in ("mesh", "relief", "leaves"):
+            holder = stage.GetPrimAtPath("/oak/geo/proxy")
+            if holder:
+                holder.GetVariantSets().GetVariantSet("crown").SetVariantSelection(form)
+            cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), [purpose])
+            box.UnionWith(cache.ComputeUntransformedBound(stage.GetDefaultPrim()).ComputeAlignedRange())
         if number >= len(hint) or (hint[number, 0] > hint[number, 1]).any():
             assert box.IsEmpty()
         else:  # around the leaves it is that of all representations

@@ -82,7 +82,8 @@ def crown_top(stage: Usd.Stage) -> float:
     tops = {}
     for form in forms.GetVariantNames():
         forms.SetVariantSelection(form)
-        crown = UsdGeom.Mesh(stage.GetPrimAtPath("/oak/geo/proxy/Crown"))
+        drawn = "CrownLeaves" if form == "leaves" else "Crown"
+        crown = UsdGeom.Boundable(stage.GetPrimAtPath(f"/oak/geo/proxy/{drawn}"))
         tops[form] = float(crown.GetExtentAttr().Get()[1][1])
     assert tops["mesh"] == pytest.approx(2.6, abs=0.02)
     return max(tops.values())

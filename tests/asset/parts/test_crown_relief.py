@@ -41,7 +41,7 @@ def crown(tmp_path_factory) -> Path:
 def test_the_mesh_is_the_default_and_the_relief_a_hull_around_it(crown):
     stage = Usd.Stage.Open(str(crown))
     forms = stage.GetPrimAtPath("/oak/geo/proxy").GetVariantSets().GetVariantSet("crown")
-    assert forms.GetVariantNames() == ["mesh", "relief"]
+    assert set(forms.GetVariantNames()) == {"mesh", "relief", "leaves"}
     assert forms.GetVariantSelection() == "mesh"
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/oak/geo/proxy/Crown"))
     low, high = (np.array(corner) for corner in mesh.GetExtentAttr().Get())
@@ -91,6 +91,62 @@ def test_storm_draws_the_relief_as_the_mesh(crown):
         assert both.sum() / (seen[0] | seen[1]).sum() > 0.985
         assert np.abs(mesh[both][:, :3].mean(axis=0) - relief[both][:, :3].mean(axis=0)).max() < 4
         assert np.abs(mesh[both][:, :3] - relief[both][:, :3]).mean() < 5
+
+
+def test_leaves_are_clusters_beside_a_crown_that_is_not_drawn(crown):
+    stage = Usd.Stage.Open(str(crown))
+    stage.GetPrimAtPath("/oak/geo/proxy").GetVariantSets().GetVariantSet("crown").SetVariantSelection("leaves")
+    drawn = UsdGeom.Imageable(stage.GetPrimAtPath("/oak/geo/proxy/Crown"))
+    assert drawn.ComputeVisibility() == UsdGeom.Tokens.invisible
+    clusters = UsdGeom.PointInstancer(stage.GetPrimAtPath("/oak/geo/proxy/CrownLeaves"))
+    assert len(clusters.GetPositionsAttr().Get()) == 320
+    assert len(clusters.GetPrototypesRel().GetTargets()) == 3
+    cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), [UsdGeom.Tokens.default_])
+    box = cache.ComputeWorldBound(stage.GetDefaultPrim()).ComputeAlignedRange()
+    hint = np.array(UsdGeom.ModelAPI(stage.GetDefaultPrim()).GetExtentsHint())[:2]
+    assert (np.array(box.GetMin()) >= hint[0] - 1e-3).all()
+    assert (np.array(box.GetMax()) <= hint[1] + 1e-3).all()
+
+
+@pytest.mark.preview
+@pytest.mark.parametrize(("clusters", "iou"), [(320, 0.88), (32, 0.78)])
+def test_leaves_have_the_silhouette_of_the_mesh(crown, tmp_path, clusters, iou):
+    scene = tmp_path / "few.usda"
+    scene.write_text(
+        f"""#usda 1.0
+(
+    defaultPrim = "oak"
+    upAxis = "Y"
+    metersPerUnit = 1
+    subLayers = [@{crown}@]
+)
+over "oak"
+{{
+    over "mtl"
+    {{
+        over "CrownLeaves"
+        {{
+            over "StormSurface"
+            {{
+                float inputs:mostClusters = {clusters}
+            }}
+        }}
+    }}
+}}
+"""
+    )
+    views = [
+        PreviewView(
+            output=tmp_path / "none.png",
+            orthographic=True,
+            window=(-2.4, 2.8, 0.0, 5.2),
+            variants=(("crown", form),),
+        )
+        for form in ("mesh", "leaves")
+    ]
+    drawn = draw_views(scene, views, PreviewSettings(width_px=400, height_px=400, background=None))
+    mesh, leaves = (finish_picture(each, None)[..., 3] > 127 for each in drawn)
+    assert (mesh & leaves).sum() / (mesh | leaves).sum() > iou
 
 
 @pytest.mark.preview

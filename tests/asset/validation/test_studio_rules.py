@@ -48,9 +48,9 @@ def found(asset, text, tmp_path, **selections):
             ("TextureFormat", "maps/fork_bark.png"),
         ),
         (
-            "[textures]\nlargest_side_px = 48",  # six faces of eight
-            "[textures]\nlargest_side_px = 47",
-            ("TextureSize", "maps/oak_crown_color.exr"),
+            "[textures]\nlargest_side_px = 128",  # the leaf of the crown
+            "[textures]\nlargest_side_px = 127",
+            ("TextureSize", "maps/oak_crown_leaf.png"),
         ),
         ("[limits]\nprims = 1000", "[limits]\nprims = 5", ("PrimCount", "/oak")),
         ("[limits]\npoints = 100000", "[limits]\npoints = 20", ("PointCount", "/oak")),
@@ -130,6 +130,6 @@ def test_pictures_that_cannot_be_read_have_no_size(asset, tmp_path):
     copy = tmp_path / "oak"
     shutil.copytree(asset.parent, copy)
     (copy / "maps" / "fork_bark.png").write_bytes(b"no picture")
-    assert list(check_files(copy / "oak.usda", StudioRules(texture_side_px=48))) == []
-    cv2.imwrite(str(copy / "maps" / "fork_bark.png"), np.zeros((2, 100, 3), np.uint8))
-    assert [f.path for f in check_files(copy / "oak.usda", StudioRules(texture_side_px=99))] == ["maps/fork_bark.png"]
+    assert list(check_files(copy / "oak.usda", StudioRules(texture_side_px=128))) == []
+    cv2.imwrite(str(copy / "maps" / "fork_bark.png"), np.zeros((2, 150, 3), np.uint8))
+    assert [f.path for f in check_files(copy / "oak.usda", StudioRules(texture_side_px=149))] == ["maps/fork_bark.png"]

@@ -8,6 +8,8 @@ from usdfoliage.asset.materials.mtlx import ThinSheet, author_image, author_thin
 
 CROWN_SHADER = "usdFoliageCrown.glslfx"
 RELIEF_SHADER = "usdFoliageCrownRelief.glslfx"
+LEAVES_SHADER = "usdFoliageCrownLeaves.glslfx"
+LEAF_BRIGHTNESS = 1 / 0.8  # of the default picture of a leaf, to be 1 on average
 LEAF_ROUGHNESS = 0.8  # a crown scatters light; single leaves shine, their sum does not
 TRANSLUCENCY = 0.25  # light that shines through, as a part of what is scattered back
 MISSING_COLOR = (0.1, 0.2, 0.05)  # linear, where the map is missing
@@ -56,6 +58,51 @@ def author_relief_material(stage: Usd.Stage, path: Sdf.Path, crown: CrownMateria
     radius = _author_preview_texture(stage, path.AppendChild("RadiusMap"), crown.radius_map)
     radius.CreateOutput("r", Sdf.ValueTypeNames.Float)
     storm = _author_storm_surface(stage, path.AppendChild("StormSurface"), crown, crown.relief_shader, color, radius)
+    material.CreateSurfaceOutput("glslfx").ConnectToSource(storm.ConnectableAPI(), "surface")
+    return material
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrownLeavesMaterial:
+    """What the material of a crown's leaves needs to know; paths as seen from the layer's folder."""
+
+    leaf_map: str  # picture with alpha
+    shader: str  # the glslfx source
+    clusters: int
+    radius_in_clusters: float  # of the crown, in those of its clusters
+    mean_color: tuple[float, float, float] = MISSING_COLOR
+
+
+def author_crown_leaves_material(stage: Usd.Stage, path: Sdf.Path, leaves: CrownLeavesMaterial) -> UsdShade.Material:
+    """Define the material of a crown's leaves: they have the colours of their clusters, cut out by a picture."""
+    material = UsdShade.Material.Define(stage, path)
+    texture = _author_preview_texture(stage, path.AppendChild("LeafMap"), leaves.leaf_map)
+    texture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*[LEAF_BRIGHTNESS] * 3, 1))
+    texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    texture.CreateOutput("rgba", Sdf.ValueTypeNames.Float4)
+    texture.CreateOutput("a", Sdf.ValueTypeNames.Float)
+    color = UsdShade.Shader.Define(stage, path.AppendChild("Color"))
+    color.CreateIdAttr("UsdPrimvarReader_float3")
+    color.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
+    color.CreateInput("fallback", Sdf.ValueTypeNames.Float3).Set(Gf.Vec3f(*leaves.mean_color))
+    color.CreateOutput("result", Sdf.ValueTypeNames.Float3)
+    surface = UsdShade.Shader.Define(stage, path.AppendChild("PreviewSurface"))
+    surface.CreateIdAttr("UsdPreviewSurface")
+    number = Sdf.ValueTypeNames.Float
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(color.ConnectableAPI(), "result")
+    surface.CreateInput("opacity", number).ConnectToSource(texture.ConnectableAPI(), "a")
+    surface.CreateInput("opacityThreshold", number).Set(0.5)
+    surface.CreateInput("roughness", number).Set(LEAF_ROUGHNESS)
+    surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
+    storm = UsdShade.Shader.Define(stage, path.AppendChild("StormSurface"))
+    storm.SetSourceAsset(Sdf.AssetPath(leaves.shader), "glslfx")
+    storm.CreateInput("leafMap", Sdf.ValueTypeNames.Float4).ConnectToSource(texture.ConnectableAPI(), "rgba")
+    storm.CreateInput("clusters", number).Set(float(leaves.clusters))
+    storm.CreateInput("mostClusters", number).Set(float(leaves.clusters))
+    storm.CreateInput("radiusInClusters", number).Set(leaves.radius_in_clusters)
+    storm.CreateInput("meanColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*leaves.mean_color))
+    storm.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     material.CreateSurfaceOutput("glslfx").ConnectToSource(storm.ConnectableAPI(), "surface")
     return material
 

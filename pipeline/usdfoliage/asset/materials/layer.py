@@ -12,6 +12,7 @@ from usdfoliage.asset.resources import resource_folder
 MATERIALS = "mtl"  # below the root prim
 CROWN_MATERIAL = f"{MATERIALS}/Crown"
 CROWN_RELIEF_MATERIAL = f"{MATERIALS}/CrownRelief"
+CROWN_LEAVES_MATERIAL = f"{MATERIALS}/CrownLeaves"
 LEAF_MATERIAL = f"{MATERIALS}/Leaf"
 BARK_MATERIAL = f"{MATERIALS}/Bark"
 GROUND_MATERIAL = f"{MATERIALS}/Ground"

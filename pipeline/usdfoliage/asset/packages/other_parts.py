@@ -16,6 +16,7 @@ from usdfoliage.asset.packages.interface import PAYLOAD
 from usdfoliage.asset.packed_files import is_package
 from usdfoliage.asset.parts.bare_branches import BARE_LAYER
 from usdfoliage.asset.parts.copied_parts import OtherParts, copy_near_part
+from usdfoliage.asset.parts.crown_leaves import CROWN_LEAVES
 from usdfoliage.asset.parts.crown_part import CROWN_LAYER
 from usdfoliage.asset.parts.leaf_part import (
     LEAVES_GUIDE,
@@ -33,6 +34,8 @@ from usdfoliage.asset.plant import (
     BRANCHES,
     COLLECTIONS,
     CROWN,
+    CROWN_HOLDER,
+    CROWN_NAME,
     SKELETON,
     TO_CROWN,
     TO_LEAVES,
@@ -143,7 +146,7 @@ def _parts_of_whole(plant: Usd.Prim, interface: Path, spec: Sdf.PrimSpec) -> Oth
         near=[layer for layer, (box, _) in others.items() if box is not None],
         extents_m=extents,
         guide_extents_m=[box for box in (*guides.values(), *(box for _, box in others.values())) if box is not None],
-        crown_m=_layer_extent(payload / CROWN_LAYER, f"/{name}/{CROWN}") if has_crown else None,
+        crown_m=_crown_extent(payload / CROWN_LAYER, name) if has_crown else None,
         bare_m=_layer_extent(payload / BARE_LAYER, f"/{name}/{BARE_BRANCHES}") if has_bare else None,
         far_m=_other_far_boxes(lods, payload, name),
         relationships=_other_relationships(plant)
@@ -208,17 +211,22 @@ def _surface_extents(payload: Path, name: str, sets: Sequence[VariantSet]) -> li
 
 
 def _layer_extent(path: Path, prim: str) -> NDArray[np.float64] | None:
-    """The extent of a prim in a layer, around those in every variant of its parent; None where it has none."""
+    """The extent of a prim in a layer; None where it has none."""
+    layer = open_layer(path)  # as long as its spec is used
+    extent = layer.GetAttributeAtPath(f"{prim}.extent")
+    place = Sdf.Path(prim).StripAllVariantSelections()
+    return None if extent is None or extent.default is None else _box(extent.default, f"{path} <{place}>")
+
+
+def _crown_extent(path: Path, name: str) -> NDArray[np.float64] | None:
+    """Around a crown in all its forms, or as it is where it has none; None of none."""
     layer = open_layer(path)
-    own = Sdf.Path(prim)
-    parent = layer.GetPrimAtPath(own.GetParentPath())
-    variants = [variant for each in parent.variantSets for variant in each.variants] if parent else []
-    places = [own, *(variant.path.AppendChild(own.name) for variant in variants)]
-    extents = [layer.GetAttributeAtPath(place.AppendProperty("extent")) for place in places]
-    boxes = [
-        _box(each.default, f"{path} <{prim}>") for each in extents if each is not None and each.default is not None
-    ]
-    return box_around(boxes) if boxes else None
+    holder = layer.GetPrimAtPath(f"/{name}/{CROWN_HOLDER}")
+    forms = [form.path for each in holder.variantSets for form in each.variants] if holder else []
+    drawn = [form.AppendChild(prim) for form in forms for prim in (CROWN_NAME, CROWN_LEAVES)]
+    boxes = [_layer_extent(path, str(place)) for place in (Sdf.Path(f"/{name}/{CROWN}"), *drawn)]
+    known = [box for box in boxes if box is not None]
+    return box_around(known) if known else None
 
 
 def write_leaves_beside(

@@ -11,10 +11,12 @@ from usdfoliage.asset.layer import author_scopes, bind_material, export_layer, n
 from usdfoliage.asset.locate import open_layer
 from usdfoliage.asset.materials.cubemap_exr import read_cubemap
 from usdfoliage.asset.materials.layer import CROWN_MATERIAL, CROWN_RELIEF_MATERIAL
-from usdfoliage.asset.parts.crown_maps import color_map_path, radius_map_path
+from usdfoliage.asset.parts.crown_leaves import author_crown_leaves
+from usdfoliage.asset.parts.crown_maps import color_map_path, leaf_map_path, radius_map_path
 from usdfoliage.asset.plant import CROWN
 from usdfoliage.asset.schema import CROWN_API
 from usdfoliage.asset.stored_numbers import stored_numbers
+from usdfoliage.crown.leafy_crown import LeafyCrown, build_leafy_crown
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
 from usdfoliage.geometry.crown_cage import build_crown_cage
@@ -23,8 +25,8 @@ from usdfoliage.geometry.crown_mesh import CrownMesh
 from usdfoliage.geometry.crown_mesh_size import choose_mesh_size
 
 FORM = "crown"  # variant set of the scope that the crown is in: how it is drawn
-MESH, RELIEF = "mesh", "relief"
-FORMS = (MESH, RELIEF)  # the first is the default, which every renderer draws
+MESH, RELIEF, LEAVES = "mesh", "relief", "leaves"
+FORMS = (MESH, RELIEF, LEAVES)  # the first is the default, which every renderer draws
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,8 +35,10 @@ class CrownPrim:
 
     cage: CrownMesh
     hull: CrownHull
+    leafy: LeafyCrown
     radius_map: str
     color_map: str
+    leaf_map: str
     center_m: NDArray[np.float64]  # (3,)
     radius_range_m: tuple[float, float]  # smallest and largest of the map
     relief_weight: float
@@ -47,8 +51,10 @@ def crown_prim(name: str, crown: CrownModel, mesh_size: int | None) -> CrownPrim
     return CrownPrim(
         cage=build_crown_cage(crown.radius_m, crown.center_m, size),
         hull=fit_crown_hull(crown.radius_m, crown.center_m),
+        leafy=build_leafy_crown(crown),
         radius_map=f"../{radius_map_path(name).as_posix()}",
         color_map=f"../{color_map_path(name).as_posix()}",
+        leaf_map=f"../{leaf_map_path(name).as_posix()}",
         center_m=np.asarray(crown.center_m, np.float64),
         radius_range_m=(float(crown.radius_m.min()), float(crown.radius_m.max())),
         relief_weight=crown.relief_weight,
@@ -73,6 +79,11 @@ def write_crown_layer(path: Path, name: str, crown: CrownPrim) -> None:
     with forms.GetVariantEditContext():
         _author_hull(stage, crown_path, crown.hull, crown.center_m)
         bind_material(stage, crown_path, Sdf.Path(f"/{name}/{CROWN_RELIEF_MATERIAL}"))
+    forms.SetVariantSelection(LEAVES)
+    with forms.GetVariantEditContext():
+        _author_hull(stage, crown_path, crown.hull, crown.center_m)
+        UsdGeom.Imageable(stage.GetPrimAtPath(crown_path)).MakeInvisible()
+        author_crown_leaves(stage, crown_path.GetParentPath(), name, crown.leafy)
     forms.SetVariantSelection(MESH)
     export_layer(stage, path)
 
@@ -115,6 +126,7 @@ def _author_facts(stage: Usd.Stage, path: Sdf.Path, crown: CrownPrim) -> None:
         ("center", Sdf.ValueTypeNames.Point3f, Gf.Vec3f(*map(float, crown.center_m))),
         ("radiusRange", Sdf.ValueTypeNames.Float2, Gf.Vec2f(*crown.radius_range_m)),
         ("reliefWeight", Sdf.ValueTypeNames.Float, float(crown.relief_weight)),
+        ("leafTexture", Sdf.ValueTypeNames.Asset, Sdf.AssetPath(crown.leaf_map)),
     )
     for fact, value_type, value in facts:
         prim.CreateAttribute(f"foliage:crown:{fact}", value_type, custom=False).Set(value)

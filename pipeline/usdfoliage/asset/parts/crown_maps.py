@@ -1,8 +1,9 @@
-"""The two cubemaps of a crown as files of an asset."""
+"""The maps of a crown as files of an asset: two cubemaps, and the picture of a leaf."""
 
 from pathlib import Path
 
 from usdfoliage.asset.materials.cubemap_exr import write_color_cubemap, write_radius_cubemap
+from usdfoliage.asset.parts.crown_leaf_picture import write_leaf_picture
 from usdfoliage.crown.model import CrownModel
 
 
@@ -16,8 +17,13 @@ def color_map_path(name: str) -> Path:
     return Path("maps") / f"{name}_crown_color.exr"
 
 
+def leaf_map_path(name: str) -> Path:
+    """Where the picture of a leaf of the crown is, from the asset's folder."""
+    return Path("maps") / f"{name}_crown_leaf.png"
+
+
 def write_crown_maps(folder: Path, name: str, crown: CrownModel) -> None:
-    """Write the two cubemaps of the asset in folder.
+    """Write the maps of the asset in folder.
 
     Raises:
         ValueError: The two maps are not of one size, or one of them is no cubemap.
@@ -33,3 +39,4 @@ def write_crown_maps(folder: Path, name: str, crown: CrownModel) -> None:
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
     write_radius_cubemap(folder / radius_map_path(name), crown.radius_m, facts)
     write_color_cubemap(folder / color_map_path(name), crown.color, facts)
+    write_leaf_picture(folder / leaf_map_path(name))

@@ -7,12 +7,20 @@ from pxr import Sdf, Usd
 
 from usdfoliage.asset.materials.crown import (
     CROWN_SHADER,
+    LEAVES_SHADER,
     RELIEF_SHADER,
+    CrownLeavesMaterial,
     CrownMaterial,
+    author_crown_leaves_material,
     author_crown_material,
     author_relief_material,
 )
-from usdfoliage.asset.materials.layer import CROWN_MATERIAL, CROWN_RELIEF_MATERIAL, copy_shaders
+from usdfoliage.asset.materials.layer import (
+    CROWN_LEAVES_MATERIAL,
+    CROWN_MATERIAL,
+    CROWN_RELIEF_MATERIAL,
+    copy_shaders,
+)
 from usdfoliage.asset.parts.crown import crown_prim, write_crown_layer
 from usdfoliage.asset.parts.crown_maps import write_crown_maps
 from usdfoliage.asset.parts.part import SHADERS, AssetPlace, Part
@@ -40,7 +48,7 @@ def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int | None
     size = None if mesh_size is None else max(min(mesh_size, crown.radius_m.shape[1]), MIN_SIZE)
     prim = crown_prim(place.name, crown, size)
     write_crown_maps(place.folder, place.name, crown)
-    copy_shaders(place.folder / "shaders", (CROWN_SHADER, RELIEF_SHADER))
+    copy_shaders(place.folder / "shaders", (CROWN_SHADER, RELIEF_SHADER, LEAVES_SHADER))
     write_crown_layer(place.payload / CROWN_LAYER, place.name, prim)
     material = CrownMaterial(
         color_map=prim.color_map,
@@ -52,17 +60,25 @@ def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int | None
         radius_range_m=prim.radius_range_m,
         mean_color=(float(prim.mean_color[0]), float(prim.mean_color[1]), float(prim.mean_color[2])),
     )
-    drawn_m = np.concatenate([prim.cage.points_m, prim.hull.points_m])
+    leaves = CrownLeavesMaterial(
+        leaf_map=prim.leaf_map,
+        shader=f"{SHADERS}/{LEAVES_SHADER}",
+        clusters=len(prim.leafy.place_m),
+        radius_in_clusters=prim.radius_range_m[1] / float(prim.leafy.radius_m.max()),
+        mean_color=material.mean_color,
+    )
+    drawn_m = np.concatenate([prim.cage.points_m, prim.hull.points_m, prim.leafy.extent_m])  # in any form
     extent_m = np.stack([drawn_m.min(axis=0), drawn_m.max(axis=0)]).astype(np.float64)
     return Part(
         relationships={TO_CROWN: CROWN},
         collections={"crown": [CROWN]},
-        materials=[partial(_author_material, crown=material)],
+        materials=[partial(_author_material, crown=material, leaves=leaves)],
         far=[f"./{CROWN_LAYER}"],
         far_m=[extent_m],
     )
 
 
-def _author_material(stage: Usd.Stage, root: Sdf.Path, crown: CrownMaterial) -> None:
+def _author_material(stage: Usd.Stage, root: Sdf.Path, crown: CrownMaterial, leaves: CrownLeavesMaterial) -> None:
     author_crown_material(stage, root.AppendPath(CROWN_MATERIAL), crown)
     author_relief_material(stage, root.AppendPath(CROWN_RELIEF_MATERIAL), crown)
+    author_crown_leaves_material(stage, root.AppendPath(CROWN_LEAVES_MATERIAL), leaves)

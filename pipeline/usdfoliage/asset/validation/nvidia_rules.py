@@ -10,6 +10,7 @@ from typing import Any
 
 from pxr import Ar, Sdf, Usd, UsdGeom, UsdSkel
 
+from usdfoliage.asset.parts.crown_leaves import CROWN_LEAVES
 from usdfoliage.asset.schema import LEAF_API
 from usdfoliage.asset.validation.findings import Finding, one_line
 from usdfoliage.asset.validation.known_findings import KnownFindings, key_prims
@@ -182,6 +183,9 @@ def _with_our_rules(finding: Finding, stage: Usd.Stage) -> Finding:
     if finding.severity == "error" and finding.validator == "nvidia:ExtentsChecker" and prim.IsA(UsdSkel.Root):
         ours = "it holds the surfaces in every frame, which is less than USD guesses from the joints"
         return replace(finding, severity="warning", message=f"{finding.message} ({ours})")
+    if finding.severity == "error" and finding.validator == "nvidia:ExtentsChecker" and _is_crown_cluster(prim):
+        ours = "in Storm its leaves face the camera, and reach beyond the points"
+        return replace(finding, severity="warning", message=f"{finding.message} ({ours})")
     leaves = next((p for p in _ancestors(prim) if LEAF_API in p.GetPrimTypeInfo().GetAppliedAPISchemas()), None)
     if finding.severity != "error" or leaves is None or not leaves.IsA(UsdGeom.PointInstancer):
         return finding
@@ -192,6 +196,12 @@ def _with_our_rules(finding: Finding, stage: Usd.Stage) -> Finding:
     else:
         return finding
     return replace(finding, severity="warning", message=f"{finding.message} ({ours})")
+
+
+def _is_crown_cluster(prim: Usd.Prim) -> bool:
+    """Whether a prim is a prototype of the leaves of a crown."""
+    above = next((p for p in _ancestors(prim) if p.IsA(UsdGeom.PointInstancer)), None)
+    return above is not None and above != prim and above.GetName() == CROWN_LEAVES
 
 
 def _ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:

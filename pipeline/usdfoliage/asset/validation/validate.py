@@ -189,18 +189,25 @@ def _irregular_files(path: Path, is_scene: bool) -> Iterator[Finding]:
 def _selections(root: Sdf.Layer) -> list[Selection]:
     """Every choice of variants that the asset offers; one empty choice, as authored, where it has none.
 
-    Of choices that are the same asset only the first: in the lod crown there are no representations of leaves. The
-    assets in a forest have choices of their own, which are looked at where these are validated.
+    Of choices that are the same asset only the first: in the lod crown there are no representations of leaves. Those
+    of prims below the root are tried while the root's stay as they are. The assets in a forest have choices of their
+    own, which are looked at where these are validated.
     """
     stage = Usd.Stage.Open(root)
     forest = is_forest(stage.GetDefaultPrim())
-    offered = [
+    every = [
         [(prim.GetPath(), name, variant) for variant in prim.GetVariantSets().GetVariantSet(name).GetVariantNames()]
         for prim in stage.Traverse(Usd.PrimIsActive & ~Usd.PrimIsAbstract)  # what a class offers shows where it is used
         if not forest or prim == stage.GetDefaultPrim()
         for name in prim.GetVariantSets().GetNames()
     ]
-    offered = [choices for choices in offered if choices]
+    offered = [choices for choices in every if choices and choices[0][0].IsRootPrimPath()]
+    below: list[Selection] = [
+        (choice,)
+        for choices in every
+        for choice in choices
+        if not choice[0].IsRootPrimPath() and not _is_selected(stage, choice)
+    ]
     count = 1
     for choices in offered:
         count *= len(choices)
@@ -208,8 +215,13 @@ def _selections(root: Sdf.Layer) -> list[Selection]:
         different: dict[object, Selection] = {}
         for selection in itertools.product(*offered):
             different.setdefault(_signature(root, selection), selection)
-        return list(different.values())
-    return [(), *((choice,) for choices in offered for choice in choices)]
+        return [*different.values(), *below]
+    return [(), *((choice,) for choices in offered for choice in choices), *below]
+
+
+def _is_selected(stage: Usd.Stage, choice: tuple[Sdf.Path, str, str]) -> bool:
+    path, name, variant = choice
+    return bool(stage.GetPrimAtPath(path).GetVariantSets().GetVariantSet(name).GetVariantSelection() == variant)
 
 
 def _signature(root: Sdf.Layer, selection: Selection) -> object:

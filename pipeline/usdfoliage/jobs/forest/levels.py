@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.asset.packages.planted_assets import PlantedAsset, PlantedForm, measure_planted_asset, reference_path
-from usdfoliage.asset.parts.crown import MESH
-from usdfoliage.asset.parts.crown import RELIEF as RELIEF_FORM
+from usdfoliage.asset.parts import crown as crown_part
 from usdfoliage.asset.parts.planted import ForestPrototype, PlantedLevel
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.errors import AssetError, CaptureError
@@ -16,7 +15,14 @@ from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.planting import Planting
 from usdfoliage.forest.plants_file import PlantRow, PlantsFile
 
-CROWN, RELIEF, FULL = "crown", "relief", "full"  # levels
+CROWN, RELIEF, LEAVES, FULL = "crown", "relief", "leaves", "full"  # levels
+# The form of a crown in each level; where an asset has more than its crown in the level FULL, it shows that.
+_FORMS: Mapping[str, str] = {
+    CROWN: crown_part.MESH,
+    RELIEF: crown_part.RELIEF,
+    LEAVES: crown_part.LEAVES,
+    FULL: crown_part.LEAVES,
+}
 TRUNK_SHARE = 0.3  # of a tree's height, that is under a crown that has no trunk of its own
 TRUNK_INTO = 0.35  # of the crown's height, that its trunk goes on inside
 TRUNK_RADIUS = 0.018  # of a tree's height
@@ -55,7 +61,7 @@ def make_level(
     """All plants in the form of one level.
 
     Args:
-        name: CROWN, RELIEF or FULL.
+        name: CROWN, RELIEF, LEAVES or FULL.
         planting: What stands where.
         plants: The rows.
         assets: Of each row.
@@ -67,7 +73,7 @@ def make_level(
     prototypes, sizes = [], []
     for number, (row, asset) in enumerate(zip(plants.rows, assets, strict=True)):
         form = asset.full if name == FULL and asset.full is not None else asset.crown
-        crown_form = MESH if name == CROWN else RELIEF_FORM
+        crown_form = _FORMS[name]
         crown_form = crown_form if crown_form in asset.crown_forms and form is asset.crown else ""
         prototype, height_m, radius_m = _prototype(number, row, asset, form, crown_form, payload)
         prototypes.append(prototype)
@@ -94,9 +100,9 @@ def make_level(
 
 def levels_of(assets: Sequence[PlantedAsset]) -> tuple[str, ...]:
     """The levels in which at least one asset differs from others; the first is the default."""
-    relief = any(RELIEF_FORM in asset.crown_forms for asset in assets)
+    forms = {form for asset in assets for form in asset.crown_forms}
     full = any(asset.full is not None for asset in assets)
-    return (CROWN, *([RELIEF] if relief else []), *([FULL] if full else []))
+    return (CROWN, *(level for level in (RELIEF, LEAVES) if _FORMS[level] in forms), *([FULL] if full else []))
 
 
 def turn_and_lean(turn_deg: NDArray[np.float64], lean_deg: NDArray[np.float64]) -> NDArray[np.float64]:

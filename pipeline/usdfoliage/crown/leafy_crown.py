@@ -1,0 +1,155 @@
+"""A crown as clusters of leaves: places inside it, sorted so that the first few cover it, and the leaves of a cluster.
+
+The thesis places 320 billboards in a ball, sorts them by their distances, and cuts away fragments outside the crown
+(Argudo, section 5.2). Ours differs: places are spread over the crown itself, farthest first, so that every prefix
+covers it; and a cluster is of single leaves that end inside the crown, so that no leaf is cut.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.crown.model import CrownModel
+from usdfoliage.geometry.cubemap import sample_cubemap
+
+Floats = NDArray[np.float64]
+
+_POOL = 24  # places to choose each from
+_FILL = 0.8  # of the distance between neighbouring places, radius of a cluster
+_INSIDE = 0.75  # of that radius, by which a cluster's middle is inside the crown
+_LEAF = 1.6  # of that radius, half of a leaf's length times the root of how many there are
+_AROUND = 48  # directions, of whose colours a cluster has the mean
+_SHADE = 0.35  # standard deviation of the logarithm of a leaf's brightness
+_OCCLUSION = 0.35  # of the light, that the deepest place below loses; as the shader of the mesh has it
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeafyCrownSettings:
+    """How many leaves a crown has."""
+
+    clusters: int = 320
+    leaves: int = 36  # of a cluster
+    forms: int = 3  # of clusters
+    leaf_width: float = 0.62  # of its length
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not (8 <= self.clusters <= 100_000 and 1 <= self.leaves <= 1000 and 1 <= self.forms <= 64):
+            raise ValueError("clusters must be 8 to 100,000, leaves 1 to 1,000, forms 1 to 64")
+        if not 0 < self.leaf_width <= 2:
+            raise ValueError(f"leaf_width must be above 0 and at most 2, not {self.leaf_width:g}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LeafCluster:
+    """One form of cluster, in its own space: a ball of radius 1, +Z outwards of the crown. Every leaf is a quad."""
+
+    points: Floats  # (4 L, 3), corner after corner
+    middle: Floats  # (4 L, 3) of the leaf of each corner
+    corner: Floats  # (4 L, 2) across and along a leaf, from its middle
+    st: Floats  # (4 L, 2)
+    normals: Floats  # (4 L, 3), unit
+    shade: Floats  # (4 L,) factor on the colour of the leaf of each corner
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LeafyCrown:
+    """Clusters (N,) of a crown, in the order in which they are drawn."""
+
+    place_m: Floats  # (N, 3) in the crown's frame
+    orientation: Floats  # (N, 4) unit quaternions, real part first: the cluster's +Z looks away from the centre
+    radius_m: Floats  # (N,)
+    color: Floats  # (N, 3) linear, with the occlusion below and inside
+    form: NDArray[np.int64]  # (N,)
+    rank: Floats  # (N,) 0 to below 1, by the order
+    forms: tuple[LeafCluster, ...]
+
+    @property
+    def extent_m(self) -> Floats:
+        """(2, 3) around all leaves, in the crown's frame."""
+        reach = max(float(np.linalg.norm(form.points, axis=1).max()) for form in self.forms)
+        reach_m = reach * self.radius_m[:, None]
+        return np.stack([(self.place_m - reach_m).min(axis=0), (self.place_m + reach_m).max(axis=0)])
+
+
+def build_leafy_crown(crown: CrownModel, settings: LeafyCrownSettings = LeafyCrownSettings()) -> LeafyCrown:
+    """Clusters of leaves that fill a crown.
+
+    Args:
+        crown: Its radii, colours and centre.
+        settings: How many leaves.
+    """
+    rng = np.random.default_rng(settings.seed)
+    unit = spread_in_ball(settings.clusters, rng)
+    share = np.linalg.norm(unit, axis=1)
+    direction = unit / share[:, None]
+    reach_m = sample_cubemap(crown.radius_m, direction)
+    spacing = (4 * np.pi / 3 / settings.clusters) ** (1 / 3)
+    radius_m = _FILL * spacing * reach_m
+    out_m = np.maximum(share * (reach_m - _INSIDE * radius_m), 0.0)
+    place_m = crown.center_m + out_m[:, None] * direction
+    above = np.clip(0.5 + 0.5 * direction[:, 1] * out_m / float(crown.radius_m.max()), 0, 1)
+    aside = _FILL * spacing * rng.standard_normal((_AROUND, len(unit), 3)) / np.sqrt(3)
+    around = sample_cubemap(crown.color, direction + aside)
+    color = around.mean(axis=0) * (1 - _OCCLUSION * (1 - 0.5 * (share + above)))[:, None]
+    return LeafyCrown(
+        place_m=place_m,
+        orientation=_outwards(direction, rng.uniform(0, 2 * np.pi, len(unit))),
+        radius_m=radius_m,
+        color=color,
+        form=np.arange(len(unit)) % settings.forms,
+        rank=np.arange(len(unit)) / len(unit),
+        forms=tuple(_cluster(settings, rng) for _ in range(settings.forms)),
+    )
+
+
+def spread_in_ball(count: int, rng: np.random.Generator) -> Floats:
+    """(count, 3) places in the unit ball, each the one of many that is farthest from those before it."""
+    pool = rng.standard_normal((_POOL * count, 3))
+    pool *= (rng.random(len(pool)) ** (1 / 3) / np.linalg.norm(pool, axis=1))[:, None]
+    chosen = np.empty((count, 3))
+    away = np.full(len(pool), np.inf)
+    best = int(np.argmax(np.linalg.norm(pool, axis=1)))
+    for number in range(count):
+        chosen[number] = pool[best]
+        away = np.minimum(away, np.linalg.norm(pool - pool[best], axis=1))
+        best = int(np.argmax(away))
+    return chosen
+
+
+def _outwards(direction: Floats, roll: Floats) -> Floats:
+    """(N, 4) quaternions that turn +Z to directions (N, 3), after a roll (N,) about it."""
+    # The shortest turn from +Z: (1 + z, -y, x, 0), which is none where the direction is -Z.
+    shortest = np.column_stack([1 + direction[:, 2], -direction[:, 1], direction[:, 0], np.zeros(len(direction))])
+    shortest[shortest[:, 0] < 1e-9] = [0.0, 1.0, 0.0, 0.0]
+    shortest /= np.linalg.norm(shortest, axis=1, keepdims=True)
+    w, x, y, _ = shortest.T
+    c, s = np.cos(roll / 2), np.sin(roll / 2)
+    return np.column_stack([w * c, x * c + y * s, y * c - x * s, w * s])
+
+
+def _cluster(settings: LeafyCrownSettings, rng: np.random.Generator) -> LeafCluster:
+    """Leaves around a middle, each in a plane that looks outwards and a little to a side."""
+    half = min(_LEAF / np.sqrt(settings.leaves), 0.6)
+    middle = spread_in_ball(settings.leaves, rng) * (1 - 0.5 * half)
+    tilt = rng.normal(0, 0.35, (settings.leaves, 2))
+    normal = np.column_stack([tilt, np.ones(settings.leaves)])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    turn = rng.uniform(0, 2 * np.pi, settings.leaves)
+    along = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(settings.leaves)])
+    along -= np.sum(along * normal, axis=1, keepdims=True) * normal
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    across = np.cross(along, normal)
+    size = half * rng.uniform(0.8, 1.2, settings.leaves)
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    corner = (square[None] * [settings.leaf_width, 1.0] * size[:, None, None]).reshape(-1, 2)
+    of = np.repeat(np.arange(settings.leaves), 4)
+    return LeafCluster(
+        points=middle[of] + corner[:, :1] * across[of] + corner[:, 1:] * along[of],
+        middle=middle[of],
+        corner=corner,
+        st=np.tile(0.5 + 0.5 * square, (settings.leaves, 1)),
+        normals=normal[of],
+        shade=np.exp(_SHADE * rng.standard_normal(settings.leaves) - _SHADE**2 / 2)[of],
+    )
