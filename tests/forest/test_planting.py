@@ -116,3 +116,24 @@ def test_without_anything_that_shows_plants_there_are_none():
     planted = plant_forest(scene_input(canopy=None, orthophoto=None, vegetation=None))
     assert len(planted) == 0
     assert planted.ground_m.shape == (0, 2)
+
+
+def test_with_coarse_classes_trees_stay_apart_where_they_are_seen():
+    scene, given = forest_scene(), scene_input()
+    fine = given.vegetation.values == 1
+    coarse = fine.reshape(16, 10, 16, 10).any(axis=(1, 3)).astype(float)
+    matrix = given.vegetation.ground_from_pixel.copy()
+    matrix[:, :2] *= 10
+    planted = plant_forest(replace(given, vegetation=Raster(values=coarse, ground_from_pixel=matrix)))
+    assert len(planted) >= 0.97 * len(scene.trees_m)
+    assert len(np.unique(planted.ground_m, axis=0)) == len(planted)
+
+
+def test_a_canopy_alone_keeps_the_shares_where_forms_do_not_differ():
+    rows = plants().rows
+    wide = replace(plants(), rows=tuple(replace(row, share=share) for row, share in zip(rows, (0.7, 0.3), strict=True)))
+    shares = []
+    for seed in range(10):
+        planted = plant_forest(scene_input(plants=wide, orthophoto=None), PlantingSettings(seed=seed, patch_m=8))
+        shares.append((planted.row == 1).mean())
+    assert np.mean(shares) == pytest.approx(0.3, abs=0.1)

@@ -21,7 +21,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FORMS: Mapping[PlantKind, float] = {PlantKind.TREE: 0.25, PlantKind.SHRUB: 0.5, PlantKind.GRASS: 0.5}
+BORDER = 0.05  # of a pixel, that a place is inside it
 SPACING = 0.8  # of the side of the square that a tree has on average, between two
+MAX_PLANTS, MAX_PER_HA = 10_000_000, 100_000
 ASIDE = 0.5  # of its crown's radius, by which a tree may be moved onto ground of trees
 TURN_SEED, SHRUB_SEED, GRASS_SEED, TREE_SEED, JITTER_SEED = 1, 2, 3, 4, 5  # each draw has numbers of its own
 
@@ -44,8 +46,16 @@ class PlantingSettings:
         for name in ("trees_per_ha", "shrub_spacing", "grass_spacing", "patch_m"):
             if not 0 < getattr(self, name) < np.inf:
                 raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
-        if not 0 <= self.lean_deg <= 45 or not 0 <= self.scale_spread <= 0.5 or self.max_ground_cover < 0:
-            raise ValueError("lean_deg is 0 to 45, scale_spread 0 to .5, and max_ground_cover 0 or more")
+        if not 0 <= self.seed < 2**31:
+            raise ValueError(f"the seed must be 0 to below 2^31, not {self.seed}")
+        if not 0 <= self.max_ground_cover <= MAX_PLANTS:
+            raise ValueError(f"max_ground_cover must be 0 to {MAX_PLANTS:,}, not {self.max_ground_cover}")
+        if self.trees_per_ha > MAX_PER_HA:
+            raise ValueError(f"trees_per_ha must be at most {MAX_PER_HA:,}, not {self.trees_per_ha:g}")
+        if not 0 <= self.lean_deg <= 45:
+            raise ValueError(f"lean_deg must be 0 to 45, not {self.lean_deg:g}")
+        if not 0 <= self.scale_spread <= 0.5:
+            raise ValueError(f"scale_spread must be 0 to 0.5, not {self.scale_spread:g}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -155,7 +165,7 @@ def _find_trees(given: ForestInput, settings: PlantingSettings, refused: dict[st
     stays = is_inside(given.terrain.heights, ground_m)
     if (~stays).any():
         refused["outside the terrain"] = int((~stays).sum())
-    if is_tree is not None and given.vegetation is not None and len(ground_m):
+    if is_tree is not None and given.vegetation is not None and given.trunks_m is None and len(ground_m):
         ground_m, on = _move_onto(given.vegetation, is_tree, ground_m, ASIDE * np.nan_to_num(tops.radius_m))
         if (stays & ~on).any():
             refused["no ground of trees"] = int((stays & ~on).sum())
@@ -207,15 +217,18 @@ def _cells(raster: Raster | None, mask: NDArray[np.bool_]) -> tuple[Floats, floa
 def _move_onto(
     raster: Raster, mask: NDArray[np.bool_], ground_m: Floats, reach_m: Floats
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Places (N, 2), moved to the middle of the nearest pixel of the mask within reach (N,), and which are on it."""
-    away_px, nearest = ndimage.distance_transform_edt(~mask, return_indices=True)
+    """Places (N, 2), moved to the nearest pixel of the mask within reach (N,), and which are on it."""
+    nearest = ndimage.distance_transform_edt(~mask, return_distances=False, return_indices=True)
+    if not mask.any():
+        return ground_m, np.zeros(len(ground_m), bool)
     height, width = mask.shape
-    pixel = np.floor(to_pixels(raster, ground_m)).astype(np.int64)
-    column, row = np.clip(pixel[:, 0], 0, width - 1), np.clip(pixel[:, 1], 0, height - 1)
-    off_m = away_px[row, column] * raster.cell_m
-    to = np.stack([nearest[1][row, column], nearest[0][row, column]], axis=-1) + 0.5
-    moved = np.where((off_m > 0)[:, None], to_ground(raster, to), ground_m)
-    return moved, (off_m <= np.maximum(reach_m, raster.cell_m)) & is_inside(raster, ground_m)
+    place = to_pixels(raster, ground_m)
+    column, row = np.clip(np.floor(place).astype(np.int64), 0, [width - 1, height - 1]).T
+    to = np.stack([nearest[1][row, column], nearest[0][row, column]], axis=-1)
+    inside = np.clip(place, to + BORDER, to + 1 - BORDER)  # of that pixel
+    moved = np.where(mask[row, column, None], ground_m, to_ground(raster, inside))
+    off_m = np.linalg.norm(moved - ground_m, axis=1)
+    return moved, (off_m <= reach_m) & is_inside(raster, ground_m)
 
 
 def _cover(given: ForestInput, kind: PlantKind, settings: PlantingSettings, seed: int) -> _Some:

@@ -18,7 +18,6 @@ KEYS = (
     "height_m",
     "color",
     "form",
-    "leaf_texture",
     "elevation_m",
     "max_slope_deg",
 )
@@ -36,7 +35,6 @@ class PlantRow:
     height_m: tuple[float, float]  # the lowest and the tallest
     color: tuple[float, float, float] | None = None  # linear, as the orthophoto shows its crown
     form: float | None = None  # radius of its crown over its height
-    leaf_texture: Path | None = None  # a picture with alpha, for billboards
     elevation_m: tuple[float, float] | None = None  # of the ground that it may stand on
     max_slope_deg: float | None = None  # likewise
 
@@ -105,9 +103,6 @@ def _read_row(row: Mapping[str, Any], number: int, path: Path) -> PlantRow:
     elevation_m = _range(row, "elevation_m", place)
     if elevation_m is not None and not elevation_m[0] <= elevation_m[1]:
         raise CaptureError(f"{place} has elevation_m {list(elevation_m)}", "write the lowest first")
-    texture = row.get("leaf_texture")
-    if texture is not None and not isinstance(texture, str):
-        raise CaptureError(f"{place} has a leaf_texture that is no path")
     return PlantRow(
         species=row["species"].strip(),
         kind=PlantKind(row["kind"]),
@@ -116,7 +111,6 @@ def _read_row(row: Mapping[str, Any], number: int, path: Path) -> PlantRow:
         height_m=height_m,
         color=_read_color(row, place),
         form=form,
-        leaf_texture=None if texture is None else path.parent / texture,
         elevation_m=elevation_m,
         max_slope_deg=slope,
     )
@@ -169,7 +163,7 @@ def _read_classes(table: Any, path: Path) -> dict[int, PlantKind | None]:
     if not isinstance(table, dict):
         raise CaptureError(f"classes in {path} is no table", 'write [classes], then 7 = "tree"')
     for code, kind in table.items():
-        if not code.isdigit() or kind not in (*KINDS, "none"):
+        if not (code.isascii() and code.isdigit() and len(code) <= 9) or kind not in (*KINDS, "none"):
             raise CaptureError(
                 f"[classes] of {path} has {code} = {kind!r}",
                 f'write a code and one of {", ".join(KINDS)} or none: 7 = "tree"',

@@ -16,6 +16,7 @@ from usdfoliage.errors import CaptureError
 from usdfoliage.files.reading import describe_unread, open_regular
 from usdfoliage.forest.raster import Raster
 
+WEB_MERCATOR = 3857  # EPSG
 MAX_PIXELS = 400_000_000  # of one raster: 20,000 x 20,000
 # Each is one file that holds its pixels itself; a VRT would read whatever files and addresses it names.
 DRIVERS = ("GTiff", "COG", "PNG", "JPEG", "HFA", "AAIGrid", "SRTMHGT", "JP2OpenJPEG")
@@ -32,13 +33,14 @@ class RasterFile:
     largest_integer: int  # of values that are integers; 0 of floating-point numbers
 
 
-def read_raster(path: Path, name: str, onto: Raster | None = None) -> RasterFile:
+def read_raster(path: Path, name: str, onto: Raster | None = None, *, classes: bool = False) -> RasterFile:
     """Read all bands of a raster.
 
     Args:
         path: The file.
         name: What it is to the user, for errors: the DEM, the orthophoto.
         onto: Whose coordinate system the raster is brought into, if it has another one.
+        classes: Whether values are codes, of which no mean can be taken.
 
     Returns:
         Values as float32, NaN where the file has no data; places in metres.
@@ -54,14 +56,16 @@ def read_raster(path: Path, name: str, onto: Raster | None = None) -> RasterFile
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
             with rasterio.open(path) as file:
-                return _read(file, path, name, onto)
+                return _read(file, path, name, onto, Resampling.nearest if classes else Resampling.bilinear)
     except (RasterioError, ValueError, MemoryError) as error:
         raise CaptureError(
             f"{name} {path} cannot be read: {_first_line(error)}", "give a GeoTIFF that 'gdalinfo' reads"
         ) from error
 
 
-def _read(file: rasterio.DatasetReader, path: Path, name: str, onto: Raster | None) -> RasterFile:
+def _read(
+    file: rasterio.DatasetReader, path: Path, name: str, onto: Raster | None, resampling: Resampling
+) -> RasterFile:
     if file.driver not in DRIVERS:
         raise CaptureError(f"{name} {path} has the format {file.driver}", f"give one of {', '.join(DRIVERS)}")
     if file.width * file.height > MAX_PIXELS:
@@ -70,29 +74,40 @@ def _read(file: rasterio.DatasetReader, path: Path, name: str, onto: Raster | No
             "make it coarser with 'gdalwarp -tr', or cut it with 'gdal_translate -projwin'",
         )
     crs = file.crs
-    if file.transform.is_identity and file.gcps[0] == []:
+    if file.transform.is_identity:
         raise CaptureError(
             f"{name} {path} does not state where on the ground its pixels lie",
-            "give a GeoTIFF, or put a world file beside it",
+            "give a GeoTIFF with a geotransform, as 'gdalwarp' writes it, or put a world file beside it",
+        )
+    if crs and crs.to_epsg() == WEB_MERCATOR:
+        raise CaptureError(
+            f"{name} {path} is in the coordinate system of web maps, whose metres are none on the ground",
+            "bring it into another one, for example with 'gdalwarp -t_srs EPSG:326…' of its zone",
         )
     if crs and crs.is_geographic:
-        low, _, high, _ = file.bounds
-        zone = int((low + high) / 2 // 6) + 31
+        west, south, east, north = file.bounds
+        zone = (32600 if south + north >= 0 else 32700) + int((west + east) / 2 // 6) + 31
         raise CaptureError(
             f"{name} {path} is in degrees of longitude and latitude",
-            f"bring it into metres, for example with 'gdalwarp -t_srs EPSG:{32600 + zone}'",
+            f"bring it into metres, for example with 'gdalwarp -t_srs EPSG:{zone}'",
         )
     metres = _metres_per_unit(crs)
     if onto is not None and onto.crs and crs and crs != CRS.from_wkt(onto.crs):
-        with WarpedVRT(file, crs=CRS.from_wkt(onto.crs), resampling=Resampling.bilinear) as warped:
-            return _take(warped, _metres_per_unit(CRS.from_wkt(onto.crs)), crs=onto.crs)
-    return _take(file, metres, crs=crs.to_wkt() if crs else "")
+        wanted = CRS.from_wkt(onto.crs)
+        with WarpedVRT(file, crs=wanted, resampling=resampling, nodata=np.nan, dtype="float32") as warped:
+            return _take(warped, file, _metres_per_unit(wanted), crs=onto.crs)
+    return _take(file, file, metres, crs=crs.to_wkt() if crs else "")
 
 
-def _take(file: rasterio.DatasetReader | WarpedVRT, metres: float, crs: str) -> RasterFile:
-    bands = file.read(masked=True)
+def _take(
+    warped: rasterio.DatasetReader | WarpedVRT, file: rasterio.DatasetReader, metres: float, crs: str
+) -> RasterFile:
+    """What a file holds, read as it is or in another coordinate system."""
+    bands = warped.read(masked=True)
     values = np.ma.filled(bands.astype(np.float32), np.nan)
-    matrix = np.array(file.transform, np.float64).reshape(3, 3)[:2]
+    if set(file.scales) != {1.0} or set(file.offsets) != {0.0}:
+        values = values * np.array(file.scales)[:, None, None] + np.array(file.offsets)[:, None, None]
+    matrix = np.array(warped.transform, np.float64).reshape(3, 3)[:2]
     integer = np.issubdtype(np.dtype(file.dtypes[0]), np.integer)
     return RasterFile(
         raster=Raster(

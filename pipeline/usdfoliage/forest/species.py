@@ -56,10 +56,10 @@ def assign_species(
         return np.zeros(0, np.int64)
     draw = draw_in_patches(trees.ground_m, len(rows), seed, patch_m)
     described = np.array([row.color is not None or row.form is not None for row in rows])
-    seen = np.isfinite(trees.color).all(axis=1) | np.isfinite(trees.height_m)
-    # What is neither described nor seen is decided by share; ties of equal descriptions as well.
+    colored = np.isfinite(trees.color).all(axis=1) & any(row.color is not None for row in rows)
     likelihood = _likelihood(trees, rows, prior) if described.any() else _height_likelihood(trees, rows)
-    score = prior + likelihood + draw * np.where(seen & described.any(), 0.0, 1.0)[:, None]
+    # A colour decides. Without it forms and heights leave several rows possible: of these one is drawn by its odds.
+    score = prior + likelihood + draw * np.where(colored, 0.0, 1.0)[:, None]
     if described.any():
         score = _with_neighbours(trees.ground_m, score)
     best = np.argmax(score + 1e-9 * draw, axis=1)

@@ -54,7 +54,7 @@ def make_terrain(heights: Raster) -> Terrain:
         raise CaptureError(f"the DEM has {' x '.join(map(str, values.shape))} pixels, and needs 2 x 2 in one band")
     if known.mean() < 1 - MAX_HOLES:
         raise CaptureError(
-            f"the DEM has heights in {known.mean():.1%} of its pixels", "see whether its no-data value is"
+            f"the DEM has heights in {known.mean():.1%} of its pixels", "see whether its no-data value is right"
         )
     return Terrain(
         heights=Raster(values=close_holes(values), ground_from_pixel=heights.ground_from_pixel, crs=heights.crs),
@@ -129,6 +129,10 @@ def mesh_terrain(terrain: Terrain, max_quads: int) -> GroundMesh:
     height, width = terrain.heights.values.shape
     step = max(1.0, float(np.sqrt((height - 1) * (width - 1) / max_quads)))
     rows, columns = (max(2, int((size - 1) / step) + 1) for size in (height, width))
+    if rows == 2:  # a strip
+        columns = max(2, min(columns, max_quads + 1))
+    elif columns == 2:
+        rows = max(2, min(rows, max_quads + 1))
     # From the middle of the first pixel to that of the last.
     row, column = np.meshgrid(
         np.linspace(0.5, height - 0.5, rows), np.linspace(0.5, width - 0.5, columns), indexing="ij"

@@ -7,14 +7,18 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import rasterio
 from pxr import Kind, Usd, UsdGeom
+from rasterio.shutil import copy
+from rasterio.vrt import WarpedVRT
 from usdfoliage.__main__ import main
 from usdfoliage.asset.packages.leaf_package import write_crown_asset
+from usdfoliage.asset.packages.planted_assets import measure_planted_asset
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation.validate import validate_asset
 from usdfoliage.errors import CaptureError
-from usdfoliage.forest.raster import Raster, sample_bilinear
+from usdfoliage.forest.raster import Raster, sample_bilinear, sample_nearest
 from usdfoliage.jobs.forest.inputs import ForestFiles, read_forest, read_trunks
 from usdfoliage.jobs.forest.levels import turn_and_lean
 from usdfoliage.jobs.info import describe_asset, format_info
@@ -83,6 +87,15 @@ def test_bounds_hold_what_is_drawn_and_levels_have_the_same_plants(forest):
     assert (hint[0] <= np.array(drawn.GetMin()) + 1e-3).all()
     assert (hint[1] >= np.array(drawn.GetMax()) - 1e-3).all()
     assert (hint[1] - hint[0] < 1.2 * np.array(drawn.GetSize()) + 1).all()
+    levels = root.GetVariantSets().GetVariantSet("level")
+    for level in levels.GetVariantNames():
+        levels.SetVariantSelection(level)
+        instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath(f"/valley/plants/{level}"))
+        extent = np.array(instancer.GetExtentAttr().Get())
+        drawn = np.array(instancer.ComputeExtentAtTime(Usd.TimeCode.EarliestTime(), Usd.TimeCode.EarliestTime()))
+        assert (extent[0] <= drawn[0] + 1e-3).all(), level
+        assert (extent[1] >= drawn[1] - 1e-3).all(), level
+    levels.SetVariantSelection("crown")
     ids = list(planted(stage).GetIdsAttr().Get())
     root.GetVariantSets().GetVariantSet("level").SetVariantSelection("relief")
     assert not planted(stage)
@@ -100,12 +113,17 @@ def test_it_is_valid_and_info_counts_its_plants(forest):
     assert "plants" in format_info(info)
 
 
-def test_the_same_seed_gives_the_same_bytes(files, forest, tmp_path):
-    again = forest.parent / "again" / "valley"
-    assert main(["forest", *arguments(files), "-o", str(again), "--no-preview", "--reproducible"]) == 0
-    for file in sorted(path for path in forest.rglob("*") if path.is_file()):
-        if "plants_" not in file.name:  # which name the assets from where they are
-            assert (again / file.relative_to(forest)).read_bytes() == file.read_bytes(), file
+def test_the_same_seed_gives_the_same_bytes(files, forest):
+    def read(folder: Path) -> dict[str, bytes]:
+        paths = sorted(path for path in folder.rglob("*") if path.is_file())
+        return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
+
+    before = read(forest)
+    assert len(before) > 8
+    assert main(["forest", *arguments(files), "-o", str(forest), "--no-preview", "--reproducible"]) == 0
+    after = read(forest)
+    assert after.keys() == before.keys()
+    assert [name for name in before if before[name] != after[name]] == []
 
 
 def test_a_dry_run_writes_nothing_and_json_has_the_figures(files, tmp_path, capsys):
@@ -274,3 +292,103 @@ def test_an_orthophoto_of_another_resolution_is_laid_over_the_terrain(files, tmp
 
 def replace_values(raster: Raster) -> Raster:
     return replace(raster, values=np.asarray(raster.values, np.float64))
+
+
+def test_an_asset_in_the_output_is_refused_and_stays(files, tmp_path, capsys):
+    out = tmp_path / "valley"
+    write_crown_asset(_folder(out), "valley", round_crown(), PLAIN)
+    plants = _write(tmp_path / "plants.toml", files["plants"].read_text().replace('asset = "oak"', 'asset = "valley"'))
+    before = (out / "valley.usda").read_bytes()
+    options = arguments({**files, "plants": plants})
+    assert main(["forest", *options, "-o", str(out), "--no-preview", "--force"]) == 2
+    assert "lies in the output" in capsys.readouterr().err
+    assert (out / "valley.usda").read_bytes() == before
+
+
+def _folder(path: Path) -> Path:
+    path.mkdir()
+    return path
+
+
+def test_a_forest_without_plants_is_valid(files, tmp_path):
+    out = tmp_path / "bare"
+    assert main(["forest", str(files["dem"]), "--plants", str(files["plants"]), "-o", str(out), "--no-preview"]) == 0
+    report = validate_asset(out, read_profile(default_profile()))
+    assert [finding for finding in report.findings if not finding.accepted] == []
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        ["--max-terrain-quads", "0"],
+        ["--seed", "-1"],
+        ["--seed", "4294967296"],
+        ["--lod-distance", "200", "5"],
+        ["--lod-distance", "nan", "nan"],
+        ["--max-ground-cover", "-1"],
+        ["--trees-per-ha", "inf"],
+        ["--crown-radius", "3", "1"],
+    ],
+)
+def test_settings_that_cannot_be_are_named(files, tmp_path, capsys, option):
+    assert main(["forest", *arguments(files), "-o", str(tmp_path / "x"), "--dry-run", *option]) == 2
+    name = option[0].removeprefix("--").replace("-", "_")
+    words = {"crown_radius": "radii", "seed": "seed"}.get(name, name)
+    assert words in capsys.readouterr().err
+
+
+def test_canopies_that_are_no_heights_above_the_ground_are_refused(files, tmp_path, capsys):
+    scene = forest_scene()
+    spoiled = scene.canopy.values.astype(np.float32)
+    spoiled[:9, :9] = 3.4e38
+    above_sea = (scene.canopy.values + scene.dem.values).astype(np.float32)
+    for name, values in (("a", spoiled), ("b", above_sea)):
+        canopy = write_raster(tmp_path / f"{name}.tif", values)
+        assert "no plant is taller" in refused(files, tmp_path, capsys, canopy=canopy)
+
+
+def test_classes_of_another_coordinate_system_stay_codes(files, tmp_path):
+    scene = forest_scene()
+    codes = write_raster(tmp_path / "codes.tif", scene.vegetation.values.astype(np.uint8))
+    other = tmp_path / "other.tif"
+    with rasterio.open(codes) as file, WarpedVRT(file, crs="EPSG:32632", nodata=0) as warped:
+        copy(warped, other, driver="GTiff")
+    read = read_forest(ForestFiles(dem=files["dem"], plants=files["plants"], vegetation=other))
+    values = read.planted.vegetation.values
+    assert set(np.unique(values[np.isfinite(values)]).tolist()) <= {0.0, 1.0, 3.0}
+    places = scene.trees_m
+    assert (sample_nearest(read.planted.vegetation, places) == 1).mean() > 0.9
+
+
+def test_a_foreign_set_of_levels_is_drawn_as_it_is_selected(files, tmp_path):
+    (tmp_path / "box.usda").write_text(
+        """#usda 1.0
+(
+    defaultPrim = "B"
+    metersPerUnit = 1
+    upAxis = "Y"
+)
+def Xform "B" (
+    variants = {
+        string lod = "high"
+    }
+    prepend variantSets = "lod"
+)
+{
+    variantSet "lod" = {
+        "high" {
+            def Cube "c"
+            {
+                double size = 2
+                float3[] extent = [(-1, -1, -1), (1, 1, 1)]
+            }
+        }
+        "low" {
+        }
+    }
+}
+"""
+    )
+    measured = measure_planted_asset(tmp_path / "box.usda")
+    assert measured.crown.height_m == 1
+    assert measured.full is None

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +50,7 @@ class PlantedAsset:
     crown: PlantedForm  # as it is drawn in a level of crowns: its crown alone, or all where it has no such variant
     full: PlantedForm | None = None  # as it is drawn near, where that is more
     only_crown: bool = False  # whether it has nothing but a crown, which stands on the ground
-    crown_forms: tuple[str, ...] = ()  # in which its crown can be drawn
+    crown_forms: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)  # (2, 3) of what is drawn by form
 
 
 def measure_planted_asset(asset: Path) -> PlantedAsset:
@@ -77,10 +77,8 @@ def measure_planted_asset(asset: Path) -> PlantedAsset:
     crown = next((name for name in CROWN_LODS if name in lods), None)
     full = next((name for name in FULL_LODS if name in lods), None)
     forms: list[PlantedForm] = []
-    for name in (crown, full) if lods else (None,):
-        if lods and name is None:
-            continue
-        selections = {} if name is None else {LOD: name}
+    known = [{LOD: name} for name in (crown, full) if name is not None]
+    for selections in known or [{}]:
         extent_m = _extent(root, selections, unit, is_z_up)
         if extent_m is not None:
             forms.append(PlantedForm(selections=selections, extent_m=extent_m))
@@ -96,28 +94,40 @@ def measure_planted_asset(asset: Path) -> PlantedAsset:
         crown=forms[0],
         full=forms[1] if len(forms) > 1 and crown is not None else None,
         only_crown=root.HasAPI(PLANT_API) and lods == ["crown"],
-        crown_forms=_crown_forms(root, {} if crown is None else {LOD: crown}),
+        crown_forms=_crown_forms(root, forms[0].selections, unit, is_z_up),
     )
 
 
-def _crown_forms(root: Usd.Prim, selections: Mapping[str, str]) -> tuple[str, ...]:
+def _crown_forms(
+    root: Usd.Prim, selections: Mapping[str, str], unit: float, is_z_up: bool
+) -> dict[str, NDArray[np.float64]]:
+    """What is drawn of an asset by the form of its crown."""
     _select(root, selections)
     holder = root.GetPrimAtPath(CROWN_HOLDER)
-    return tuple(holder.GetVariantSets().GetVariantSet(FORM).GetVariantNames()) if holder else ()
+    drawn = {}
+    for form in holder.GetVariantSets().GetVariantSet(FORM).GetVariantNames() if holder else ():
+        extent_m = _extent(root, selections, unit, is_z_up, form)
+        if extent_m is not None:
+            drawn[str(form)] = extent_m
+    return drawn
 
 
-def _select(root: Usd.Prim, selections: Mapping[str, str]) -> None:
+def _select(root: Usd.Prim, selections: Mapping[str, str], crown_form: str = "") -> None:
     """Select variants in the session layer of a stage."""
     session = root.GetStage().GetSessionLayer()
     session.Clear()
     with Usd.EditContext(root.GetStage(), session):
         for name, variant in selections.items():
             root.GetVariantSets().GetVariantSet(name).SetVariantSelection(variant)
+        if crown_form:
+            root.GetPrimAtPath(CROWN_HOLDER).GetVariantSets().GetVariantSet(FORM).SetVariantSelection(crown_form)
 
 
-def _extent(root: Usd.Prim, selections: Mapping[str, str], unit: float, is_z_up: bool) -> NDArray[np.float64] | None:
+def _extent(
+    root: Usd.Prim, selections: Mapping[str, str], unit: float, is_z_up: bool, crown_form: str = ""
+) -> NDArray[np.float64] | None:
     """(2, 3) of what is drawn with these variants, Y up in metres; None of nothing."""
-    _select(root, selections)
+    _select(root, selections, crown_form)
     tokens = UsdGeom.Tokens
     cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), [tokens.default_, tokens.render, tokens.proxy])
     box = cache.ComputeLocalBound(root).ComputeAlignedRange()

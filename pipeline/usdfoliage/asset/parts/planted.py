@@ -102,10 +102,15 @@ def write_planted_layer(path: Path, name: str, level: PlantedLevel) -> None:
     instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(np.ascontiguousarray(turned, np.float16)))
     if len(level.ids):
         instancer.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(level.extent_m.astype(np.float32)))
-    tint = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("tint", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.varying)
-    tint.Set(Vt.Vec3fArray.FromNumpy(level.tint.astype(np.float32)))
+    if len(level.ids):  # an array of none has wrong indices to some
+        _author_tint(prim, level)
     _author_forest(prim, level)
     export_layer(stage, path)
+
+
+def _author_tint(prim: Usd.Prim, level: PlantedLevel) -> None:
+    tint = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("tint", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.varying)
+    tint.Set(Vt.Vec3fArray.FromNumpy(level.tint.astype(np.float32)))
 
 
 def _author_forest(prim: Usd.Prim, level: PlantedLevel) -> None:

@@ -1,7 +1,7 @@
 """The files of a forest, read and brought into one coordinate system."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +10,21 @@ from numpy.typing import NDArray
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.reading import read_regular
 from usdfoliage.forest.planting import ForestInput
-from usdfoliage.forest.plants_file import PlantsFile, read_plants_file
+from usdfoliage.forest.plants_file import TALLEST_M, PlantsFile, read_plants_file
 from usdfoliage.forest.raster import Raster, is_inside
 from usdfoliage.forest.raster_files import RasterFile, is_covered, read_raster
 from usdfoliage.forest.terrain import make_terrain
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.remarks import Remark, remark
 
-FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us survey foot": 1200 / 3937, "us-ft": 1200 / 3937}
-METRES = ("", "m", "metre", "meter", "metres", "meters")
+UNITS = {  # metres, of heights as files name their units
+    **dict.fromkeys(("m", "metre", "meter", "metres", "meters"), 1.0),
+    **dict.fromkeys(("ft", "foot", "feet", "international foot"), 0.3048),
+    **dict.fromkeys(("us-ft", "ftus", "us survey foot", "us survey feet", "foot_us", "sft"), 1200 / 3937),
+    **dict.fromkeys(("dm", "decimetre", "decimeter"), 0.1),
+    **dict.fromkeys(("cm", "centimetre", "centimeter"), 0.01),
+    **dict.fromkeys(("mm", "millimetre", "millimeter"), 0.001),
+}
 MIN_COVERED = 0.05  # of the DEM, by another raster
 WHOLLY_COVERED = 0.98  # from which on there is no remark
 MAX_TRUNK_BYTES = 1 << 28
@@ -36,10 +42,10 @@ class ForestFiles:
     trunks: Path | None = None
 
     @property
-    def given(self) -> tuple[Path, ...]:
-        """All files that are given."""
-        files = (self.dem, self.plants, self.orthophoto, self.canopy, self.vegetation, self.trunks)
-        return tuple(path for path in files if path is not None)
+    def by_role(self) -> dict[str, Path]:
+        """All files that are given, by what they are."""
+        files = {each.name: getattr(self, each.name) for each in fields(self)}
+        return {role: path for role, path in files.items() if path is not None}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,10 +83,9 @@ def read_forest(files: ForestFiles) -> ReadForest:
     if files.orthophoto is not None:
         orthophoto = _read_orthophoto(files.orthophoto, terrain.heights, remarks)
     if files.canopy is not None:
-        canopy = _read_other(files.canopy, "the canopy height", terrain.heights, remarks)
-        canopy = Raster(values=canopy.values * height_unit, ground_from_pixel=canopy.ground_from_pixel, crs=canopy.crs)
+        canopy = _read_canopy(files.canopy, terrain.heights, height_unit, remarks)
     if files.vegetation is not None:
-        vegetation = _read_other(files.vegetation, "the vegetation", terrain.heights, remarks)
+        vegetation = _read_other(files.vegetation, "the vegetation", terrain.heights, remarks, classes=True).raster
         _check_codes(vegetation, plants, files.vegetation)
     trunks_m = None
     if files.trunks is not None:
@@ -134,23 +139,48 @@ def read_trunks(path: Path) -> NDArray[np.float64]:
 
 def _height_unit(dem: RasterFile, path: Path, remarks: list[Remark]) -> float:
     """Metres of one unit of height: as the file states it, or that of easting and northing."""
-    if dem.value_unit in FEET:
-        return FEET[dem.value_unit]
-    if dem.value_unit and dem.value_unit in METRES:
-        return 1.0
+    stated = _stated_unit(dem, "the DEM", path)
+    if stated is not None:
+        return stated
     if dem.metres_per_unit != 1.0:
         text = f"{path.name} is in units of {dem.metres_per_unit:.4g} m; its heights are taken for the same unit"
         remarks.append(remark("terrain-height-unit", text))
     return dem.metres_per_unit
 
 
-def _read_other(path: Path, name: str, onto: Raster, remarks: list[Remark]) -> Raster:
+def _stated_unit(file: RasterFile, name: str, path: Path) -> float | None:
+    """Metres of one unit of the values as the file states it; None where it does not."""
+    if not file.value_unit:
+        return None
+    if file.value_unit not in UNITS:
+        raise CaptureError(
+            f"{name} {path} has values in the unit {file.value_unit!r}, which is not known",
+            "state one of m, ft, us-ft, dm, cm and mm with 'gdal_edit -units'",
+        )
+    return UNITS[file.value_unit]
+
+
+def _read_other(path: Path, name: str, onto: Raster, remarks: list[Remark], *, classes: bool = False) -> RasterFile:
     """A raster of one band over the ground of the DEM."""
-    raster = read_raster(path, name, onto).raster
-    if raster.values.ndim == 3:
-        raise CaptureError(f"{name} {path} has {raster.values.shape[2]} bands", "give a raster of one band")
-    _check_covered(raster, path, name, onto, remarks)
-    return raster
+    file = read_raster(path, name, onto, classes=classes)
+    if file.raster.values.ndim == 3:
+        raise CaptureError(f"{name} {path} has {file.raster.values.shape[2]} bands", "give a raster of one band")
+    _check_covered(file.raster, path, name, onto, remarks)
+    return file
+
+
+def _read_canopy(path: Path, onto: Raster, height_unit: float, remarks: list[Remark]) -> Raster:
+    """Heights above the ground in metres; without a unit of its own the file has that of the DEM."""
+    file = _read_other(path, "the canopy height", onto, remarks)
+    unit = _stated_unit(file, "the canopy height", path)
+    heights = file.raster.values * (height_unit if unit is None else unit)
+    highest = float(np.nanmax(heights, initial=0.0))
+    if highest > TALLEST_M:
+        raise CaptureError(
+            f"the canopy height {path} goes to {highest:,.4g} m, and no plant is taller than {TALLEST_M:g} m",
+            "give heights above the ground and not above the sea, and state their unit and their no-data value",
+        )
+    return Raster(values=heights, ground_from_pixel=file.raster.ground_from_pixel, crs=file.raster.crs)
 
 
 def _read_orthophoto(path: Path, onto: Raster, remarks: list[Remark]) -> Raster:

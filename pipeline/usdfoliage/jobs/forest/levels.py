@@ -29,8 +29,8 @@ TRUNK_RADIUS = 0.018  # of a tree's height
 WIDEST = 2.5  # times as wide, for its height, as its asset is, or as slim
 
 
-def measure_plants(plants: PlantsFile) -> tuple[PlantedAsset, ...]:
-    """The asset of each row, each file measured once.
+def measure_plants(plants: PlantsFile, output: Path) -> tuple[PlantedAsset, ...]:
+    """The asset of each row, each file measured once; none may lie in the folder that is written.
 
     Raises:
         CaptureError: An asset cannot be used; the text names the row.
@@ -39,6 +39,11 @@ def measure_plants(plants: PlantsFile) -> tuple[PlantedAsset, ...]:
     for number, row in enumerate(plants.rows):
         if row.asset in measured:
             continue
+        if row.asset.resolve().is_relative_to(output.resolve()):
+            raise CaptureError(
+                f"row {number + 1} ({row.species}) of {plants.path}: {row.asset} lies in the output {output}",
+                "write the forest to another folder",
+            )
         try:
             measured[row.asset] = measure_planted_asset(row.asset)
         except AssetError as error:
@@ -131,15 +136,17 @@ def _prototype(
 ) -> tuple[ForestPrototype, float, float]:
     """A prototype, with the height and the crown's radius that it has."""
     low, high = form.extent_m
+    drawn_m = asset.crown_forms.get(crown_form, form.extent_m)
     raised_m, trunk_m = 0.0, None
-    extent_m = form.extent_m
+    extent_m = drawn_m
     height_m = form.height_m
     if asset.only_crown and row.kind == PlantKind.TREE:
         crown_m = float(high[1] - low[1])
         height_m = crown_m / (1 - TRUNK_SHARE)
         raised_m = TRUNK_SHARE * height_m - float(low[1])
         trunk_m = (TRUNK_SHARE * height_m + TRUNK_INTO * crown_m, TRUNK_RADIUS * height_m)
-        extent_m = np.array([[low[0], 0.0, low[2]], [high[0], height_m, high[2]]])
+        raised = drawn_m + np.array([0.0, raised_m, 0.0])
+        extent_m = np.stack([np.minimum(raised[0], [0.0, 0.0, 0.0]), raised[1]])
     prototype = ForestPrototype(
         name=f"Plant_{number + 1}_{asset_name(row.species)}",
         species=row.species,

@@ -139,7 +139,7 @@ def draw_map(given: ForestInput, planting: Planting, colors: NDArray[np.uint8]) 
     for (x, y), radius, row in zip(pixels.tolist(), radius_px.tolist(), planting.row.tolist(), strict=True):
         color = tuple(int(each) for each in colors[row])
         cv2.circle(picture, (round(8 * x), round(8 * y)), max(8, round(8 * radius)), color, 1, cv2.LINE_AA, 3)
-    return picture
+    return picture[::-1] if np.linalg.det(base.ground_from_pixel[:, :2]) > 0 else picture  # rows that go north
 
 
 def _camera_beside(terrain: TerrainPrim, azimuth_rad: float, size_px: tuple[int, int] = (960, 640)) -> Pinhole:
@@ -153,12 +153,12 @@ def _camera_beside(terrain: TerrainPrim, azimuth_rad: float, size_px: tuple[int,
 
 
 def _camera_at_eye(terrain: TerrainPrim, size_px: tuple[int, int] = (960, 640)) -> Pinhole:
-    """A camera on the ground at the south edge, that looks to the middle."""
+    """A camera on the ground at the south edge, that looks north."""
     low, high = terrain.extent_m
     middle_m = (low + high) / 2
     beside_m = terrain.points_m[:, [0, 2]] - [middle_m[0], high[2] - EDGE_M]
     at_m = terrain.points_m[np.argmin(np.linalg.norm(beside_m, axis=1))] + np.array([0.0, EYE_M, 0.0])
-    towards = np.array([middle_m[0], at_m[1], middle_m[2]])
+    towards = np.array([middle_m[0], at_m[1], low[2] - EDGE_M])
     return _look(at_m, towards, size_px, 0.8)
 
 

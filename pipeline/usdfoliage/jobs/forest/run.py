@@ -1,6 +1,6 @@
 """From a DEM and what lies over it to a forest on disk."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -12,10 +12,12 @@ from usdfoliage import __version__
 from usdfoliage.asset.asset_record import AssetOrigin
 from usdfoliage.asset.materials.ground import GroundMaterial
 from usdfoliage.asset.packages.forest_package import ForestParts, write_forest_asset
+from usdfoliage.asset.packages.planted_assets import PlantedAsset
 from usdfoliage.asset.parts.terrain import TerrainPrim
 from usdfoliage.asset.provenance import Provenance, combined_sha256
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.files.hashing import hash_file
+from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.planting import Planting, PlantingSettings, plant_forest
 from usdfoliage.forest.raster import Raster
 from usdfoliage.forest.terrain import mesh_terrain, middle_of
@@ -30,6 +32,7 @@ from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, label_rem
 
 STEPS = ("read", "plants", "planting", "asset", "preview")
 MAX_SIDE_PX = 8192  # of the orthophoto's copy in the asset
+MAX_TERRAIN_QUADS = 50_000_000
 LOSSLESS_PIXELS = 4_000_000  # up to which it is a PNG
 
 
@@ -48,6 +51,15 @@ class ForestRequest:
     preview: bool = True
     times: bool = True
     render_setting: RenderSetting = as_plan_setting
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.max_terrain_quads <= MAX_TERRAIN_QUADS:
+            raise ValueError(f"max_terrain_quads must be 1 to {MAX_TERRAIN_QUADS:,}, not {self.max_terrain_quads}")
+        near_m, far_m = self.lod_distance_m
+        if not 0 <= near_m <= far_m < np.inf:
+            raise ValueError(
+                f"lod_distance must be two distances from 0 on, the nearer first, not {near_m:g} {far_m:g}"
+            )
 
     @property
     def origin(self) -> AssetOrigin:
@@ -79,7 +91,7 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
         with follow_step("read", seconds, progress):
             read = read_forest(request.files)
         with follow_step("plants", seconds, progress):
-            assets = measure_plants(read.planted.plants)
+            assets = measure_plants(read.planted.plants, request.output)
         with follow_step("planting", seconds, progress):
             planting = plant_forest(read.planted, request.planting)
         remarks = [*read.remarks, *describe_planting(planting)]
@@ -104,9 +116,8 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
                 )
                 for name in levels_of(assets)
             ]
-            if texture:
-                low, high = terrain.extent_m
-                bounds = (float(low[0]), float(low[2]), float(high[0]), float(high[2]))
+            bounds = _picture_bounds(read.planted.terrain.heights, origin_m)
+            if texture and bounds is not None:
                 levels = [replace(level, orthophoto=texture, orthophoto_bounds_m=bounds) for level in levels]
             interface = write_forest_asset(
                 folder,
@@ -118,7 +129,7 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
                     asset_from_terrain=asset_from_ground
                     @ np.diag([read.metres_per_unit, read.metres_per_unit, read.metres_per_height, 1.0]),
                 ),
-                _provenance(request),
+                _provenance(request, assets),
             )
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
@@ -154,7 +165,7 @@ def plan_forest_asset(request: ForestRequest) -> str:
         request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
     )
     read = read_forest(request.files)
-    measure_plants(read.planted.plants)
+    measure_plants(read.planted.plants, request.output)
     height, width = read.planted.terrain.heights.values.shape
     return "\n".join(
         [
@@ -205,15 +216,20 @@ def forest_rows(planting: Planting, read: ReadForest) -> tuple[Row, ...]:
             value=f"{width * cell_m:,.0f} x {height * cell_m:,.0f} m",
             remark=f"{low_m:.1f} to {high_m:.1f} m high",
         ),
-        Row(name="plants", value=f"{len(planting):,}", remark=f"{int(planting.seen.sum()):,} of them seen singly"),
+        Row(name="plants", value=f"{len(planting):,}", remark=f"{int(planting.seen.sum()):,} of them placed singly"),
     ]
     rows += [
         Row(name=species, value=f"{count:,}") for species, count in count_rows(planting, read.planted.plants).items()
     ]
-    if len(planting):
-        low, middle, high = np.percentile(planting.height_m, [5, 50, 95])
+    trees = np.array([row.kind == PlantKind.TREE for row in read.planted.plants.rows])[planting.row]
+    if trees.any():
+        low, middle, high = np.percentile(planting.height_m[trees], [5, 50, 95])
         rows.append(
-            Row(name="height", value=f"{middle:.1f} m", remark=f"median; 90 % of them {low:.1f} to {high:.1f} m")
+            Row(
+                name="height of trees",
+                value=f"{middle:.1f} m",
+                remark=f"median; 90 % of them {low:.1f} to {high:.1f} m",
+            )
         )
     return tuple(rows)
 
@@ -232,8 +248,20 @@ def describe_settings(request: ForestRequest) -> Mapping[str, str]:
     }
 
 
-def _provenance(request: ForestRequest) -> Provenance:
-    inputs = {path.name: hash_file(path).hex() for path in request.files.given}
+def _picture_bounds(heights: Raster, origin_m: NDArray[np.float64]) -> tuple[float, float, float, float] | None:
+    """Least x and z, greatest x and z of the picture of the ground; None where north is not up in it."""
+    matrix = heights.ground_from_pixel
+    if matrix[0, 1] or matrix[1, 0] or matrix[0, 0] < 0 or matrix[1, 1] > 0:
+        return None
+    height, width = heights.values.shape
+    west, north = matrix[:, 2] - origin_m[:2]
+    return float(west), float(-north), float(west + width * matrix[0, 0]), float(-north - height * matrix[1, 1])
+
+
+def _provenance(request: ForestRequest, assets: Sequence[PlantedAsset]) -> Provenance:
+    inputs = {f"{role}/{path.name}": hash_file(path).hex() for role, path in request.files.by_role.items()}
+    for number, asset in enumerate(assets):
+        inputs[f"plant_{number + 1}/{asset.layer.name}"] = hash_file(asset.layer).hex()
     return Provenance(
         capture=request.files.dem.name,
         generator=f"usdfoliage {__version__}",
