@@ -144,7 +144,7 @@ def test_a_crown_has_its_colours_as_png_in_a_package(studio, tmp_path):
     names = Sdf.ZipFile.Open(str(tmp_path / "ball.usdz")).GetFileNames()
     assert [Path(name).suffix for name in names] == [".usdc", ".png"]
     assert run("export", studio / "ball", "--profile", "standalone", "-o", tmp_path / "ball") == 0
-    assert {Path(name).suffix for name in files(tmp_path / "ball")} == {".usdc", ".exr", ".json"}
+    assert {Path(name).suffix for name in files(tmp_path / "ball")} == {".usdc", ".exr", ".json", ".png"}
 
 
 def test_converted_colours_are_the_same_in_srgb(studio, tmp_path):
