@@ -221,10 +221,15 @@ def log_diagnostics(diagnostics: UsdUtils.CoalescingDiagnosticDelegate) -> None:
         logger.info("USD: %s", message)
 
 
+def is_assembly(root: Usd.Prim) -> bool:
+    """Whether a root prim is that of a forest, loaded or not."""
+    return bool(root) and root.HasAPI(PLANT_API) and Usd.ModelAPI(root).GetKind() == Kind.Tokens.assembly
+
+
 def find_plants(stage: Usd.Stage) -> list[Usd.Prim]:
     """The plants of a stage, loaded or not, those in instances too; of a forest that alone, and not its prototypes."""
     root = stage.GetDefaultPrim()
-    if root and root.HasAPI(PLANT_API) and Usd.ModelAPI(root).GetKind() == Kind.Tokens.assembly:
+    if is_assembly(root):
         return [root]
     return _with_schema(stage, PLANT_API)
 
@@ -242,8 +247,10 @@ def require_leaves(stage: Usd.Stage, path: Path) -> list[Usd.Prim]:
         AssetError: There are none.
     """
     leaves = find_leaves(stage)
-    if not leaves:
+    if not leaves or is_assembly(stage.GetDefaultPrim()):
         plants = find_plants(stage)
+        if is_assembly(stage.GetDefaultPrim()):
+            raise AssetError(f"{path} is a forest, and not one plant", "name the asset of one of its plants")
         seen = f"a plant without leaves in the selected variants (<{plants[0].GetPath()}>)" if plants else "no plant"
         raise AssetError(f"{path} holds {seen}", "name an asset with leaves, or choose another lod or representation")
     return leaves

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd
 
-from usdfoliage.asset.locate import find_leaves, select_representation
+from usdfoliage.asset.locate import find_leaves, is_assembly, select_representation
 from usdfoliage.asset.look_layer import LOD, select_lod
 from usdfoliage.asset.looks.extents import extents_hold
 from usdfoliage.asset.looks.look import open_asset
@@ -28,7 +28,7 @@ from usdfoliage.asset.packages.contents import (
     representations,
     require_plant,
 )
-from usdfoliage.asset.packages.forest_contents import ForestInfo, is_forest, read_forest
+from usdfoliage.asset.packages.forest_contents import ForestInfo, read_forest
 from usdfoliage.asset.packed_files import file_name, unpacked
 from usdfoliage.asset.parts.branches import read_skeleton
 from usdfoliage.asset.parts.leaves import read_leaves
@@ -126,7 +126,7 @@ def describe_asset(asset: Path) -> AssetInfo:
     """
     interface, look = interface_of(asset)
     stage = open_asset(asset)
-    plant = require_plant(stage, asset)
+    plant = require_plant(stage, asset, one=False)
     facts = read_plant_facts(plant, interface)
     layers, files, missing = list_files(interface)
     if "both" in facts.variants.get(LOD, ()):
@@ -137,7 +137,7 @@ def describe_asset(asset: Path) -> AssetInfo:
     present = representations(plant)
     if present:
         select_representation(stage, "bezier")
-    prims = [] if is_forest(plant) else find_leaves(stage)
+    prims = [] if is_assembly(plant) else find_leaves(stage)
     return AssetInfo(
         name=facts.name,
         asset=str(interface),
@@ -159,7 +159,7 @@ def describe_asset(asset: Path) -> AssetInfo:
         leaves=_measure(plant, prims[0]) if prims else None,
         crown=_measure_crown(read_crown_facts(crown)) if crown is not None else None,
         branches=measure_branches(read_skeleton(skeleton)) if skeleton is not None else None,
-        forest=read_forest(plant) if is_forest(plant) else None,
+        forest=read_forest(plant) if is_assembly(plant) else None,
     )
 
 

@@ -392,3 +392,20 @@ def Xform "B" (
     measured = measure_planted_asset(tmp_path / "box.usda")
     assert measured.crown.height_m == 1
     assert measured.full is None
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["export", "--profile", "usdz", "-o", "x.usdz"],
+        ["export", "--profile", "standalone", "-o", "x"],
+        ["edit", "--width", "1.2", "-o", "x.usda"],
+        ["bake", "-o", "x"],
+    ],
+)
+def test_what_is_for_one_plant_refuses_a_forest(forest, tmp_path, capsys, command):
+    name, *options = command
+    options[-1] = str(tmp_path / options[-1])
+    assert main([name, str(forest), *options]) == 2
+    assert "is a forest, and not one plant; name the asset of one of its plants" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

@@ -16,6 +16,7 @@ from usdfoliage.asset.looks.look import Look, read_look
 from usdfoliage.asset.materials.leaf import STORM_SURFACE, TEXTURE_COLOR
 from usdfoliage.asset.materials.picture import why_no_picture
 from usdfoliage.asset.own_files import may_hand_on, require_own
+from usdfoliage.asset.packages.forest_contents import refuse_forest
 from usdfoliage.asset.packed_files import display_name, is_package, is_packed, size_bytes
 from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.asset.parts.leaf_primvars import describe_unfound, place
@@ -65,14 +66,16 @@ class PlantFacts:
     schemas: Mapping[str, Sequence[str]]  # ours, by prim path
 
 
-def require_plant(stage: Usd.Stage, path: Path) -> Usd.Prim:
-    """The one plant of a stage; path is what the user calls it.
+def require_plant(stage: Usd.Stage, path: Path, *, one: bool = True) -> Usd.Prim:
+    """The one plant of a stage; path is what the user calls it, and one whether a forest is refused.
 
     Raises:
-        AssetError: The stage is not ours, or has several.
+        AssetError: The stage is not ours, has several, or is a forest.
     """
     plants = find_plants(stage)
     if len(plants) == 1:
+        if one:
+            refuse_forest(plants[0], path)
         return plants[0]
     if plants:
         names = ", ".join(f"<{plant.GetPath()}>" for plant in plants[:3])

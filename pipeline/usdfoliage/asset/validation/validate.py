@@ -13,10 +13,9 @@ from pathlib import Path
 
 from pxr import Sdf, Usd, UsdUtils
 
-from usdfoliage.asset.locate import MISSING, find_interface, log_diagnostics, lost_layers
+from usdfoliage.asset.locate import MISSING, find_interface, is_assembly, log_diagnostics, lost_layers
 from usdfoliage.asset.looks.look import open_root_layer
 from usdfoliage.asset.packages.contents import interface_of, irregular_files
-from usdfoliage.asset.packages.forest_contents import is_forest
 from usdfoliage.asset.packed_files import display_name
 from usdfoliage.asset.schema import PLANT_API, SCHEMAS, require_schemas
 from usdfoliage.asset.validation.findings import SEVERITIES, Finding
@@ -194,7 +193,7 @@ def _selections(root: Sdf.Layer) -> list[Selection]:
     own, which are looked at where these are validated.
     """
     stage = Usd.Stage.Open(root)
-    forest = is_forest(stage.GetDefaultPrim())
+    forest = is_assembly(stage.GetDefaultPrim())
     every = [
         [(prim.GetPath(), name, variant) for variant in prim.GetVariantSets().GetVariantSet(name).GetVariantNames()]
         for prim in stage.Traverse(Usd.PrimIsActive & ~Usd.PrimIsAbstract)  # what a class offers shows where it is used

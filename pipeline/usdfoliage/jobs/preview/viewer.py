@@ -207,7 +207,7 @@ def _stored_leaves(asset: Path, stamp: int) -> list[_StoredLeaves]:
     del stamp
     stage = open_asset(asset)
     select_leafy_lod(stage)
-    if representations(require_plant(stage, asset)):
+    if representations(require_plant(stage, asset, one=False)):
         select_representation(stage, BEZIER)
     leaves = [read_leaves(prim) for prim in require_leaves(stage, asset)]
     parameters = np.concatenate([one.leaves.parameters for one in leaves])
