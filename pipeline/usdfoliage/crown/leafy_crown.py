@@ -81,39 +81,53 @@ def build_leafy_crown(crown: CrownModel, settings: LeafyCrownSettings = LeafyCro
         settings: How many leaves.
     """
     rng = np.random.default_rng(settings.seed)
-    unit = spread_in_ball(settings.clusters, rng)
-    share = np.linalg.norm(unit, axis=1)
-    direction = unit / share[:, None]
-    reach_m = sample_cubemap(crown.radius_m, direction)
-    spacing = (4 * np.pi / 3 / settings.clusters) ** (1 / 3)
-    radius_m = _FILL * spacing * reach_m
-    out_m = np.maximum(share * (reach_m - _INSIDE * radius_m), 0.0)
+    pool = _ball(_POOL * settings.clusters, rng)
+    share = np.linalg.norm(pool, axis=1)
+    reach_m = sample_cubemap(crown.radius_m, pool)
+    volume_m3 = 4 * np.pi / 3 * float((reach_m**3).mean())
+    spacing_m = (volume_m3 / settings.clusters) ** (1 / 3)
+    size_m = _FILL * spacing_m
+    direction = pool / share[:, None]
+    out_m = np.maximum(share * reach_m - _INSIDE * size_m * share**2, 0.0)
+    chosen = _farthest_first(out_m[:, None] * direction, settings.clusters)
+    direction, share, reach_m, out_m = direction[chosen], share[chosen], reach_m[chosen], out_m[chosen]
     place_m = crown.center_m + out_m[:, None] * direction
+    radius_m = np.full(settings.clusters, size_m)
     above = np.clip(0.5 + 0.5 * direction[:, 1] * out_m / float(crown.radius_m.max()), 0, 1)
-    aside = _FILL * spacing * rng.standard_normal((_AROUND, len(unit), 3)) / np.sqrt(3)
+    aside = (size_m / reach_m)[:, None] * rng.standard_normal((_AROUND, len(chosen), 3)) / np.sqrt(3)
     around = sample_cubemap(crown.color, direction + aside)
     color = around.mean(axis=0) * (1 - _OCCLUSION * (1 - 0.5 * (share + above)))[:, None]
     return LeafyCrown(
         place_m=place_m,
-        orientation=_outwards(direction, rng.uniform(0, 2 * np.pi, len(unit))),
+        orientation=_outwards(direction, rng.uniform(0, 2 * np.pi, len(chosen))),
         radius_m=radius_m,
         color=color,
-        form=np.arange(len(unit)) % settings.forms,
-        rank=np.arange(len(unit)) / len(unit),
+        form=np.arange(len(chosen)) % settings.forms,
+        rank=np.arange(len(chosen)) / len(chosen),
         forms=tuple(_cluster(settings, rng) for _ in range(settings.forms)),
     )
 
 
 def spread_in_ball(count: int, rng: np.random.Generator) -> Floats:
     """(count, 3) places in the unit ball, each the one of many that is farthest from those before it."""
-    pool = rng.standard_normal((_POOL * count, 3))
-    pool *= (rng.random(len(pool)) ** (1 / 3) / np.linalg.norm(pool, axis=1))[:, None]
-    chosen = np.empty((count, 3))
-    away = np.full(len(pool), np.inf)
-    best = int(np.argmax(np.linalg.norm(pool, axis=1)))
+    pool = _ball(_POOL * count, rng)
+    return pool[_farthest_first(pool, count)]
+
+
+def _ball(count: int, rng: np.random.Generator) -> Floats:
+    """(count, 3) places, even in the unit ball."""
+    places = rng.standard_normal((count, 3))
+    return places * (rng.random(count) ** (1 / 3) / np.linalg.norm(places, axis=1))[:, None]
+
+
+def _farthest_first(places: Floats, count: int) -> NDArray[np.int64]:
+    """(count,) of places (N, 3) the outermost, then again and again the one that is farthest from those before it."""
+    chosen = np.empty(count, np.int64)
+    away = np.full(len(places), np.inf)
+    best = int(np.argmax(np.linalg.norm(places, axis=1)))
     for number in range(count):
-        chosen[number] = pool[best]
-        away = np.minimum(away, np.linalg.norm(pool - pool[best], axis=1))
+        chosen[number] = best
+        away = np.minimum(away, np.linalg.norm(places - places[best], axis=1))
         best = int(np.argmax(away))
     return chosen
 
