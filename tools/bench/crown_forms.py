@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from usdfoliage.asset.packages.contents import interface_of
 from usdfoliage.asset.packages.planted_assets import measure_planted_asset
-from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.geometry.pinhole import Pinhole, look_at
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views, finish_picture
 
 FORMS = ("mesh", "relief", "leaves")
@@ -29,18 +29,7 @@ def camera_around(box_m: NDArray[np.float64], azimuth: float, elevation: float, 
     focal = 1.2
     away_m = radius_m * 2 * focal / fill
     out = np.array([np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)])
-    forward = -out
-    right = np.cross(forward, [0.0, 1.0, 0.0])
-    right /= np.linalg.norm(right)
-    rotation = np.stack([right, np.cross(forward, right), forward])
-    at_m = middle_m + away_m * out
-    return Pinhole(
-        width_px=size,
-        height_px=size,
-        focal_px=(focal * size, focal * size),
-        center_px=(size / 2, size / 2),
-        cam_from_world=np.column_stack([rotation, -rotation @ at_m]),
-    )
+    return look_at(middle_m + away_m * out, middle_m, focal * size, (size, size))
 
 
 def main() -> int:

@@ -13,7 +13,7 @@ from usdfoliage.branch.foliage.place import FoliageSettings, place_leaves
 from usdfoliage.branch.foliage.species import GENERIC, Species, load_species
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.geometry.directions import unit_vectors
-from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.geometry.pinhole import Pinhole, look_at
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.jitter import spread_phases
 from usdfoliage.leaf.shape.mesh import LeafMeshSettings, build_leaf_mesh
@@ -29,7 +29,6 @@ from tools.synthetic.scene import (
     Scene,
     Tube,
     build_tubes,
-    look_at,
     stand_free,
     triangulate,
 )

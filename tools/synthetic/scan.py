@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.geometry.pinhole import Pinhole, look_at
 
 from tools.synthetic.raster import rasterise
-from tools.synthetic.scene import look_at
 
 Array = NDArray[np.float64]
 

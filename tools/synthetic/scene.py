@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
-from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.geometry.pinhole import Pinhole, look_at
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.shape.jitter import spread_phases
 from usdfoliage.leaf.shape.mesh import LeafMeshSettings, build_leaf_mesh
@@ -280,21 +280,6 @@ def _place_cameras(settings: SceneSettings, width_m: float, depth_m: float) -> l
         away = np.array([np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)])
         cameras.append(look_at(target + distance_m * away, target, focal_px, (settings.width_px, settings.height_px)))
     return cameras
-
-
-def look_at(position: Array, target: Array, focal_px: float, size: tuple[int, int]) -> Pinhole:
-    """A camera at a position (3,) that has a target (3,) in the middle of its picture, of this width and height."""
-    forward = (target - position) / np.linalg.norm(target - position)
-    right = np.cross(forward, UP)
-    right /= np.linalg.norm(right)
-    rotation = np.stack([right, np.cross(forward, right), forward])
-    return Pinhole(
-        width_px=size[0],
-        height_px=size[1],
-        focal_px=(focal_px, focal_px),
-        center_px=(size[0] / 2, size[1] / 2),
-        cam_from_world=np.column_stack([rotation, -rotation @ position]),
-    )
 
 
 def triangulate(counts: NDArray[np.int32], vertices: NDArray[np.int32]) -> NDArray[np.int32]:

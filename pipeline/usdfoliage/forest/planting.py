@@ -120,11 +120,7 @@ def plant_forest(given: ForestInput, settings: PlantingSettings = PlantingSettin
         # The first of blue noise in order of being thrown cover the ground evenly too.
         share = settings.max_ground_cover / total
         refused["more ground cover than max_ground_cover"] = total - settings.max_ground_cover
-        cover = [replace(each, ground_m=each.ground_m[: int(share * len(each.ground_m))]) for each in cover]
-        cover = [
-            replace(each, height_m=each.height_m[: len(each.ground_m)], radius_m=each.radius_m[: len(each.ground_m)])
-            for each in cover
-        ]
+        cover = [_only(each, np.arange(len(each.ground_m)) < int(share * len(each.ground_m))) for each in cover]
     empty = []
     parts = []
     for some in (trees, *cover):
@@ -218,9 +214,9 @@ def _move_onto(
     raster: Raster, mask: NDArray[np.bool_], ground_m: Floats, reach_m: Floats
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Places (N, 2), moved to the nearest pixel of the mask within reach (N,), and which are on it."""
-    nearest = ndimage.distance_transform_edt(~mask, return_distances=False, return_indices=True)
     if not mask.any():
         return ground_m, np.zeros(len(ground_m), bool)
+    nearest = ndimage.distance_transform_edt(~mask, return_distances=False, return_indices=True)
     height, width = mask.shape
     place = to_pixels(raster, ground_m)
     column, row = np.clip(np.floor(place).astype(np.int64), 0, [width - 1, height - 1]).T

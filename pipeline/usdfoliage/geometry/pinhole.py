@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from usdfoliage import _native
 
+UP = np.array([0.0, 1.0, 0.0])  # in the frame of assets
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pinhole:
@@ -75,3 +77,23 @@ class Pinhole:
         """Focal lengths and centre (4,), cam_from_world (3, 4), and threads, one per core, as native functions ask."""
         intrinsics = np.array([*self.focal_px, *self.center_px], np.float64)
         return intrinsics, np.ascontiguousarray(self.cam_from_world, np.float64), 0
+
+
+def look_at(
+    position: NDArray[np.float64], target: NDArray[np.float64], focal_px: float, size: tuple[int, int]
+) -> Pinhole:
+    """A camera at a position (3,) that has a target (3,) in the middle of its picture, of this width and height.
+
+    +Y is up in the picture; the target is not straight above or below the camera.
+    """
+    forward = (target - position) / np.linalg.norm(target - position)
+    right = np.cross(forward, UP)
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(forward, right), forward])
+    return Pinhole(
+        width_px=size[0],
+        height_px=size[1],
+        focal_px=(focal_px, focal_px),
+        center_px=(size[0] / 2, size[1] / 2),
+        cam_from_world=np.column_stack([rotation, -rotation @ position]),
+    )

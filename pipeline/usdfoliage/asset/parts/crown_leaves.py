@@ -5,6 +5,7 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 
 from usdfoliage.asset.layer import bind_material
 from usdfoliage.asset.materials.layer import CROWN_LEAVES_MATERIAL
+from usdfoliage.asset.parts.instancers import author_turns
 from usdfoliage.crown.leafy_crown import LeafCluster, LeafyCrown
 
 CROWN_LEAVES = "CrownLeaves"  # beside the crown
@@ -34,9 +35,7 @@ def author_crown_leaves(stage: Usd.Stage, holder: Sdf.Path, name: str, leafy: Le
     instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(leafy.place_m.astype(np.float32)))
     scale = np.repeat(leafy.radius_m[:, None], 3, axis=1)
     instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scale.astype(np.float32)))
-    turned = np.roll(leafy.orientation, -1, axis=1)  # USD's arrays have the real part last
-    instancer.CreateOrientationsfAttr(Vt.QuatfArray.FromNumpy(np.ascontiguousarray(turned, np.float32)))
-    instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(np.ascontiguousarray(turned, np.float16)))
+    author_turns(instancer, np.roll(leafy.orientation, -1, axis=1))
     instancer.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(leafy.extent_m.astype(np.float32)))
     primvars = UsdGeom.PrimvarsAPI(instancer)
     color = primvars.CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.varying)

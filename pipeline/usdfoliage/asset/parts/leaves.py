@@ -12,6 +12,7 @@ from usdfoliage.asset.layer import author_scopes, bind_material, export_layer, n
 from usdfoliage.asset.look_layer import PROTOTYPE_MARGIN
 from usdfoliage.asset.materials.layer import LEAF_MATERIAL
 from usdfoliage.asset.materials.leaf import author_packed_leaves
+from usdfoliage.asset.parts.instancers import author_turns
 from usdfoliage.asset.parts.leaf_gprims import author_leaf_mesh, outward_corners
 from usdfoliage.asset.parts.leaf_primvars import (
     author_edits,
@@ -142,9 +143,7 @@ def set_places(
         scales = np.repeat(np.asarray(leaves.length_m, np.float32)[:, None], 3, axis=1)
         instancer.CreateScalesAttr().Set(Vt.Vec3fArray.FromNumpy(scales), time)
     if "orientation" in fields:
-        turns = unit_quaternions(leaves.orientation).astype(np.float32)
-        instancer.CreateOrientationsfAttr().Set(Vt.QuatfArray.FromNumpy(turns), time)  # takes precedence
-        instancer.CreateOrientationsAttr().Set(Vt.QuathArray.FromNumpy(turns.astype(np.float16)), time)
+        author_turns(instancer, unit_quaternions(leaves.orientation), time)
 
 
 def write_leaves_layer(path: Path, name: str, prim: LeavesPrim) -> NDArray[np.float64]:

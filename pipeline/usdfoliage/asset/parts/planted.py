@@ -12,6 +12,7 @@ from usdfoliage.asset.layer import bind_material, export_layer, new_layer
 from usdfoliage.asset.materials.bark import BARK_COLOR
 from usdfoliage.asset.materials.layer import BARK_MATERIAL
 from usdfoliage.asset.parts.crown import FORM
+from usdfoliage.asset.parts.instancers import author_turns
 from usdfoliage.asset.plant import CROWN_HOLDER
 from usdfoliage.asset.schema import FOREST_API
 
@@ -97,12 +98,10 @@ def write_planted_layer(path: Path, name: str, level: PlantedLevel) -> None:
     instancer.CreateIdsAttr(Vt.Int64Array.FromNumpy(level.ids.astype(np.int64)))
     instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(level.position_m.astype(np.float32)))
     instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(level.scale.astype(np.float32)))
-    turned = np.roll(level.orientation, -1, axis=1)  # USD's arrays have the real part last
-    instancer.CreateOrientationsfAttr(Vt.QuatfArray.FromNumpy(np.ascontiguousarray(turned, np.float32)))
-    instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(np.ascontiguousarray(turned, np.float16)))
+    author_turns(instancer, np.roll(level.orientation, -1, axis=1))
     if len(level.ids):
         instancer.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(level.extent_m.astype(np.float32)))
-    if len(level.ids):  # an array of none has wrong indices to some
+        # An array of none has wrong indices to some validators.
         _author_tint(prim, level)
     _author_forest(prim, level)
     export_layer(stage, path)

@@ -13,7 +13,7 @@ from usdfoliage.errors import PreviewError
 from usdfoliage.forest.planting import ForestInput, Planting
 from usdfoliage.forest.raster import to_pixels
 from usdfoliage.geometry.color import encode_srgb
-from usdfoliage.geometry.pinhole import Pinhole
+from usdfoliage.geometry.pinhole import Pinhole, look_at
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import leaf_palette, write_picture
@@ -149,7 +149,7 @@ def _camera_beside(terrain: TerrainPrim, azimuth_rad: float, size_px: tuple[int,
     radius_m = float(np.linalg.norm(high - low)) / 2
     down = np.radians(ABOVE_DEG)
     away = np.array([np.sin(azimuth_rad) * np.cos(down), np.sin(down), np.cos(azimuth_rad) * np.cos(down)])
-    return _look(middle_m + 1.9 * radius_m * away, middle_m, size_px, 1.05)
+    return look_at(middle_m + 1.9 * radius_m * away, middle_m, 1.05 * size_px[0], size_px)
 
 
 def _camera_at_eye(terrain: TerrainPrim, size_px: tuple[int, int] = (960, 640)) -> Pinhole:
@@ -159,20 +159,4 @@ def _camera_at_eye(terrain: TerrainPrim, size_px: tuple[int, int] = (960, 640)) 
     beside_m = terrain.points_m[:, [0, 2]] - [middle_m[0], high[2] - EDGE_M]
     at_m = terrain.points_m[np.argmin(np.linalg.norm(beside_m, axis=1))] + np.array([0.0, EYE_M, 0.0])
     towards = np.array([middle_m[0], at_m[1], low[2] - EDGE_M])
-    return _look(at_m, towards, size_px, 0.8)
-
-
-def _look(at_m: NDArray[np.float64], to_m: NDArray[np.float64], size_px: tuple[int, int], focal: float) -> Pinhole:
-    """A pinhole camera; focal is the focal length in widths of the picture."""
-    forward = (to_m - at_m) / np.linalg.norm(to_m - at_m)
-    right = np.cross(forward, [0.0, 1.0, 0.0])
-    right /= np.linalg.norm(right)
-    rotation = np.stack([right, np.cross(forward, right), forward])  # x right, y down, z forward
-    width, height = size_px
-    return Pinhole(
-        focal_px=(focal * width, focal * width),
-        center_px=(width / 2, height / 2),
-        width_px=width,
-        height_px=height,
-        cam_from_world=np.column_stack([rotation, -rotation @ at_m]),
-    )
+    return look_at(at_m, towards, 0.8 * size_px[0], size_px)
