@@ -1,5 +1,7 @@
 """Radii: circles are followed where they can be believed, allometry elsewhere, and nothing becomes thicker outwards."""
 
+from dataclasses import replace
+
 import hypothesis.strategies as st
 import numpy as np
 import pytest
@@ -55,6 +57,16 @@ def test_the_exponent_is_the_one_that_circles_show(exponent):
     radii = estimate_radii(NODES_M, PARENT, circles_of(tapering(exponent)))
     assert radii.exponent == pytest.approx(exponent, abs=0.03)
     np.testing.assert_allclose(radii.radius_m, tapering(exponent), rtol=0.05)
+
+
+def test_round_clusters_of_leaves_do_not_change_the_exponent():
+    radius_m = tapering(0.42)
+    crown = NODES_M[:, 1] > 2.5
+    circles = circles_of(np.where(crown, 0.09, radius_m))  # of one size, however thin the branch within
+    seen = np.where(crown, 0.75, 1.0)
+    away_m = np.where(crown, 0.13, 0.02) * circles.radius_m
+    radii = estimate_radii(NODES_M, PARENT, replace(circles, seen=seen, away_m=away_m))
+    assert radii.exponent == pytest.approx(0.42, abs=0.03)
 
 
 def test_where_there_is_no_circle_allometry_gives_the_radius():
@@ -128,6 +140,8 @@ def test_one_node_has_a_radius():
         ({"all_round": 1.1}, "min_seen <= all_round"),
         ({"max_away": 0.0}, "must be above 0"),
         ({"tolerance": 0.0}, "must be above 0"),
+        ({"exponents": (0.6, 0.4)}, "exponents must rise"),
+        ({"exponent_tolerance": 0.0}, "exponent_tolerance must be above 0"),
         ({"factor": 0.9}, "factor at least 1"),
     ],
 )

@@ -262,7 +262,17 @@ def test_a_plant_without_root_is_refused():
         reconstruct_branches(tree_cloud(), np.zeros((0, 3)))
 
 
-@pytest.mark.parametrize("change", [{"internode_m": 0.0}, {"internode_m": np.inf}, {"path_power": 0.5}, {"fine": 0.0}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"internode_m": 0.0},
+        {"internode_m": np.inf},
+        {"path_power": 0.5},
+        {"search_power": 0.5},
+        {"sparse_power": 0.5},
+        {"fine": 0.0},
+    ],
+)
 def test_settings_that_trace_nothing_are_refused(change):
     with pytest.raises(ValueError, match="must be"):
         BranchSettings(**change)

@@ -147,3 +147,13 @@ def test_what_is_thicker_than_the_plant_is_one_section():
     sections = cut_sections(points_m, lengths_m, paths_from(lengths_m, 0), 10.0)
     assert sections.parent.tolist() == [-1]
     assert sections.points.tolist() == [len(points_m)]
+
+
+@pytest.mark.parametrize(("power", "crosses"), [(2.0, True), (3.0, False)])
+def test_a_higher_power_keeps_paths_on_their_branch_where_another_comes_near(power, crosses):
+    # From one foot two branches lead to ends that are 0.6 apart; one has ten links of 0.1 to there, the other four.
+    links = coo_array(
+        ([0.1] * 14 + [0.2], ([0, 1, 2, 3, 0, *range(5, 14), 4], [1, 2, 3, 4, 5, *range(6, 15), 14])), shape=(15, 15)
+    ).tocsr()
+    before = paths_from(csr_array(links.maximum(links.T)), 0, power=power).before
+    assert before[14] == (4 if crosses else 13)

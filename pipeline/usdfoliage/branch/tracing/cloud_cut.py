@@ -43,6 +43,7 @@ def cut_cloud(
     spacing_m: float,
     settings: BranchSettings,
     all_wood: bool = False,
+    search: bool = False,
 ) -> Cut:
     """Sections of a cloud, as thick as the stem or the twig that they are of asks for.
 
@@ -55,6 +56,7 @@ def cut_cloud(
         spacing_m: To the sixth neighbour.
         settings: How.
         all_wood: Whether all points are taken for wood.
+        search: Whether the sections are to show which points are leaves.
     """
     graph = link_points(points_m, settings.graph)
     feet, of_root = _find_feet(points_m, roots_m, spacing_m)
@@ -65,8 +67,10 @@ def cut_cloud(
     together_m = np.minimum(SPACINGS_TOGETHER * spacing_m, 2 * stem_m)
     thickness_m = np.maximum(np.maximum(together_m, settings.stem_share * stem_m), fine_m)
     thick = stem_m > SPACINGS_TOGETHER * spacing_m
-    few_points = all_wood and is_sparse(internode_m, spacing_m, settings)
-    paths = find_paths(graph.bridged_m, feet, of_root, settings.path_power, thick)
+    sparse = is_sparse(internode_m, spacing_m, settings)
+    far_apart = sparse and not shows_leaves(spacing_m, settings.wood)
+    power = settings.sparse_power if far_apart else settings.path_power
+    paths = find_paths(graph.bridged_m, feet, of_root, settings.search_power if search else power, thick)
     return Cut(
         points_m=points_m,
         sections=cut_sections(points_m, graph.lengths_m, paths, thickness_m),
@@ -74,7 +78,7 @@ def cut_cloud(
         spacing_m=spacing_m,
         fine_m=fine_m,
         pieces=graph.pieces,
-        stiffness=settings.wood_stiffness if few_points else settings.stiffness,
+        stiffness=settings.wood_stiffness if all_wood and sparse else settings.stiffness,
     )
 
 

@@ -18,8 +18,12 @@ logger = logging.getLogger(__name__)
 _TRUNK = (0.03, 0.2)  # of the longest path: where trunks are measured, above the flare of their base
 _FEW_SECTIONS = 3  # circles that a trunk must have to be measured
 _TRUNK_OF_HEIGHT = 0.01  # radius of a trunk that cannot be measured
-_EXPONENT_PRIOR = 5.0  # circles that the exponent of the settings is worth
-_TURNS = 10
+_EXPONENT_PRIOR = 0.05  # standard deviation of exponents, of plants of all kinds
+_EXPONENT_STEP = 0.005
+_BEST_AWAY = 0.1  # of the radius, mean distance of points of a circle that shows the exponent
+_LEVEL = 0.5  # of the logarithm of the length that is carried, in which circles count
+_LEVEL_CIRCLES = 20  # as so many at most
+_ANY = 3.0  # logarithms of radii, over which what is no branch may be
 _CHANGED = 1e-9  # of a logarithm
 _SMOOTHED = 6  # times, each over the nodes before and after
 
@@ -38,13 +42,16 @@ class RadiusSettings:
     max_apart: float = 0.8  # of the radius, distance between its points
     min_radius_m: float = 0.0005  # of the finest twig
     tolerance: float = 0.1  # of the logarithm of a circle's radius
-    exponents: tuple[float, float] = (0.3, 0.7)  # that are thought possible
+    exponents: tuple[float, float] = (0.3, 0.7)  # that are possible
+    exponent_tolerance: float = 0.2  # of the logarithm of a circle's radius, from what the exponent gives
 
     def __post_init__(self) -> None:
         if not 0 <= self.min_seen <= self.all_round <= 1:
             raise ValueError(f"0 <= min_seen <= all_round <= 1, not {self.min_seen:g} and {self.all_round:g}")
         if not (self.max_away > 0 and self.min_radius_m > 0 and self.tolerance > 0 and self.factor >= 1):
             raise ValueError("max_away, min_radius_m and tolerance must be above 0, factor at least 1")
+        if not (0 < self.exponents[0] < self.exponents[1] and self.exponent_tolerance > 0):
+            raise ValueError("exponents must rise from above 0, exponent_tolerance must be above 0")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -203,12 +210,23 @@ def _fit_exponent(
     anchor: tuple[float, float],
     settings: RadiusSettings,
 ) -> float:
-    """Exponent of the allometry that goes through the trunk, from circles near it and that of the settings."""
-    exponent = settings.allometry.exponent
-    for _ in range(_TURNS):
-        near = found & _as_expected(circles, anchor[1] + exponent * (carried - anchor[0]), settings)
-        x, y = carried[near] - anchor[0], np.log(circles.radius_m[near]) - anchor[1]
-        prior = _EXPONENT_PRIOR * max(1.0, 0.05 * near.sum())
-        slope = (np.sum(x * y) + prior * settings.allometry.exponent) / (np.sum(x * x) + prior)
-        exponent = float(np.clip(slope, *settings.exponents))
-    return exponent
+    """Exponent of the allometry that goes through the trunk: the likeliest one, from the best circles and the settings.
+
+    A circle is that of a branch, or of anything else that looks round. Those of branches that carry about the same
+    together count as a few, for most are of few branches, and a trunk has many.
+    """
+    with np.errstate(invalid="ignore"):
+        best = found & (circles.seen >= settings.all_round) & (circles.away_m < _BEST_AWAY * circles.radius_m)
+    if best.sum() < _LEVEL_CIRCLES:  # of a sparse cloud they are all that there is
+        best = found
+    if not best.any():
+        return settings.allometry.exponent
+    thinner, smaller = carried[best] - anchor[0], np.log(circles.radius_m[best]) - anchor[1]
+    exponents = np.arange(*settings.exponents, _EXPONENT_STEP)
+    plausible = -0.5 * np.square((exponents - settings.allometry.exponent) / _EXPONENT_PRIOR)
+    level = np.floor((thinner - thinner.min()) / _LEVEL).astype(np.int64)
+    share = np.minimum(1, _LEVEL_CIRCLES / np.bincount(level)[level])
+    off = (smaller - exponents[:, None] * thinner) / settings.exponent_tolerance
+    of_branch = np.exp(-0.5 * np.square(off)) / (np.sqrt(2 * np.pi) * settings.exponent_tolerance)
+    plausible += np.log(0.5 * of_branch + 0.5 / _ANY) @ share
+    return float(exponents[np.argmax(plausible)])

@@ -94,21 +94,17 @@ def reconstruct_branches(
         few_spacing_m = point_spacing(points_m[few])
         if shows_leaves(few_spacing_m, settings.wood):  # of a very large crown all are needed
             some, some_spacing_m = few, few_spacing_m
+    wood = np.arange(len(points_m))
     if len(some) < len(points_m):
         some_colors = None if colors is None else colors[some]
-        of_some, _ = find_wood(points_m[some], roots_m, internode_m, some_spacing_m, settings, some_colors, report)
+        of_some = find_wood(points_m[some], roots_m, internode_m, some_spacing_m, settings, some_colors, report)
         nearest = np.asarray(cKDTree(points_m[some]).query(points_m, workers=-1)[1])
         wood = np.flatnonzero(np.isin(np.arange(len(some)), of_some)[nearest])
-        cut = cut_cloud(points_m[wood], roots_m, internode_m, point_spacing(points_m[wood]) or spacing_m, settings)
     elif search:
-        wood, cut = find_wood(points_m, roots_m, internode_m, spacing_m, settings, colors, report)
-    else:
-        wood, cut = (
-            np.arange(len(points_m)),
-            cut_cloud(points_m, roots_m, internode_m, spacing_m, settings, all_wood=True),
-        )
-    if search and len(wood) == len(points_m) and is_sparse(internode_m, spacing_m, settings):
-        cut = cut_cloud(points_m, roots_m, internode_m, spacing_m, settings, all_wood=True)
+        wood = find_wood(points_m, roots_m, internode_m, spacing_m, settings, colors, report)
+    wood_spacing_m = (point_spacing(points_m[wood]) if len(wood) < len(points_m) else spacing_m) or spacing_m
+    all_wood = not search or (len(wood) == len(points_m) and is_sparse(internode_m, spacing_m, settings))
+    cut = cut_cloud(points_m[wood], roots_m, internode_m, wood_spacing_m, settings, all_wood=all_wood)
     report("branches", 0.7)
     cut = _without_gaps(cut, settings.max_gap)
     fine_m = cut.fine_m

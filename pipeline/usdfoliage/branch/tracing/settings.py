@@ -21,7 +21,9 @@ class BranchSettings:
     internode_m: float | None = None  # without it from the height
     internode_of_height: float = 0.005  # table 2: 5 cm in a box of 10 m
     graph: CloudGraphSettings = field(default_factory=CloudGraphSettings)
-    path_power: float = 2.0  # of a link's length, that it costs
+    path_power: float = 3.0  # of a link's length, that it costs: paths cross where branches touch the less the higher
+    sparse_power: float = 2.5  # the same where points are far apart, and paths from each to the next are no branches
+    search_power: float = 2.0  # the same where leaves are looked for, through which paths are to be short
     coarse: float = 2.0  # internodes, thickness of a slice in which thick stems are found
     fine: float = 0.21  # internodes, thickness of a slice
     fine_spacings: float = 1.6  # distances to the sixth neighbour, thickness of a slice at most
@@ -43,8 +45,10 @@ class BranchSettings:
     def __post_init__(self) -> None:
         if self.internode_m is not None and not (np.isfinite(self.internode_m) and self.internode_m > 0):
             raise ValueError(f"internode_m must be above 0, not {self.internode_m:g}")
-        if not (self.path_power >= 1 and self.coarse > 0 and self.fine > 0 and self.min_length >= 0):
-            raise ValueError("path_power must be at least 1, coarse and fine above 0, min_length not below 0")
+        if min(self.path_power, self.sparse_power, self.search_power) < 1:
+            raise ValueError("path_power, sparse_power and search_power must be at least 1")
+        if not (self.coarse > 0 and self.fine > 0 and self.min_length >= 0):
+            raise ValueError("coarse and fine must be above 0, min_length not below 0")
         if not all(0 <= each < np.inf for each in (self.stiffness, self.wood_stiffness, self.fine_spacings)):
             raise ValueError("stiffness, wood_stiffness and fine_spacings must be finite and not below 0")
         if not self.max_gap > 0:

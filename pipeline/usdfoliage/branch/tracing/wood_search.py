@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.branch.tracing.cloud_cut import (
-    Cut,
     cut_cloud,
     point_spacing,
     points_in_thick_branches,
@@ -30,14 +29,17 @@ def find_wood(
     settings: BranchSettings,
     colors: NDArray[np.number] | None,
     report: StepProgress,
-) -> tuple[NDArray[np.intp], Cut]:
-    """(W,) points that are of wood, and their sections."""
-    cut = cut_cloud(points_m, roots_m, internode_m, spacing_m, settings)
+) -> NDArray[np.intp]:
+    """(W,) points that are of wood."""
     blurred = None
     wood = np.arange(len(points_m))
     sure = np.zeros(len(points_m), bool)
     for turn in range(settings.wood.max_turns):
         report("wood", 0.5 + 0.2 * turn / settings.wood.max_turns)
+        # Without the leaves slices are other ones, and wood is easier to distinguish from the leaves that are still
+        # there.
+        apart_m = (point_spacing(points_m[wood]) if turn else spacing_m) or spacing_m
+        cut = cut_cloud(points_m[wood], roots_m, internode_m, apart_m, settings, search=True)
         stems = sections_on_stems(cut)
         features = wood_features(points_m, cut.sections, cut.spacing_m)
         odds = wood_odds(features)
@@ -70,9 +72,6 @@ def find_wood(
         if kept.sum() < 2:
             break
         wood = wood[kept]
-        # Without the leaves slices are other ones, and wood is easier to distinguish from the leaves that are still
-        # there.
-        cut = cut_cloud(points_m[wood], roots_m, internode_m, point_spacing(points_m[wood]) or spacing_m, settings)
         if found.share >= settings.wood.settled:
             break
-    return wood, cut
+    return wood
