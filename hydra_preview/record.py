@@ -440,14 +440,15 @@ def record_views(request: dict) -> dict:
             width_px, height_px = scale * view["width_px"], scale * view["height_px"]
             # The recorder rounds the height down; a fiftieth of a pixel keeps it from losing a row.
             camera.verticalAperture = camera.horizontalAperture * (height_px + 0.02) / width_px
-            camera_prim.SetFromCamera(camera, time)
+            drawn_time = Usd.TimeCode(view["frame"]) if "frame" in view else time
+            camera_prim.SetFromCamera(camera, drawn_time)
             if not lit and selected.even_light:
                 author_sky(stage, z_up, request["dome_texture"])
             elif not lit:
                 author_lights(stage, camera, z_up, request["dome_texture"])
             recorder.SetImageWidth(width_px)
             try:
-                written = recorder.Record(stage, camera_prim, time, view["exr"])
+                written = recorder.Record(stage, camera_prim, drawn_time, view["exr"])
             except Tf.ErrorException as error:
                 raise RecordError("draw", f"Storm failed: {message_of(error)}") from error
             if not written or not Path(view["exr"]).exists():

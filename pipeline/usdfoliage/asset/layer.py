@@ -1,7 +1,9 @@
 """One USD layer of an asset: how it begins, how it reaches the disk."""
 
 import uuid
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdShade
 
@@ -9,6 +11,7 @@ from usdfoliage.files.unwritten import describe_failed
 
 FIRST_FRAME = 1
 FRAMES_PER_SECOND = 24.0
+NO_TIMES: Mapping[str, float] = MappingProxyType({})
 
 
 def new_layer(path: Path, name: str) -> Usd.Stage:
@@ -60,6 +63,12 @@ def author_frames(stage: Usd.Stage, count: int) -> None:
     stage.SetEndTimeCode(FIRST_FRAME + count - 1)
     stage.SetTimeCodesPerSecond(FRAMES_PER_SECOND)
     stage.SetFramesPerSecond(FRAMES_PER_SECOND)
+
+
+def author_times(stage: Usd.Stage, times: Mapping[str, float]) -> None:
+    """Give the stage's root layer a range of time, by the names of its metadata."""
+    for field, value in times.items():
+        stage.GetRootLayer().pseudoRoot.SetInfo(field, value)
 
 
 def bind_material(stage: Usd.Stage, path: Sdf.Path, material: Sdf.Path) -> None:

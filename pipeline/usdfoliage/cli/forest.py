@@ -7,6 +7,11 @@ plants.toml lists the species, their assets, heights and shares, and what they l
     usdfoliage forest dem.tif --plants plants.toml --orthophoto photo.tif --canopy canopy.tif -o forests/valley
 
 The forest references the assets of its plants, and opens wherever these are.
+
+    usdfoliage forest dem.tif --plants plants.toml --canopy canopy.tif --camera shot010.usda -o forests/valley
+
+With --camera the variant level=shot010 has what that camera sees, each plant in the form that its distance asks
+for at each frame.
 """
 
 import argparse
@@ -26,6 +31,7 @@ from usdfoliage.files.write_gate import Access
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from usdfoliage.forest.planting import PlantingSettings
+    from usdfoliage.forest.shots import ShotSettings
     from usdfoliage.forest.tree_tops import TreeTopSettings
     from usdfoliage.jobs.forest.run import ForestRequest
 
@@ -108,6 +114,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=ForestRequest.max_terrain_quads,
         help="The mesh of the ground has at most so many faces; the default is %(default)s.",
     )
+    shots = parser.add_argument_group("of shots")
+    shots.add_argument(
+        "--camera",
+        metavar="SHOT",
+        type=Path,
+        action="append",
+        default=[],
+        help="This USD file has the camera of a shot, in the frame of the forest. The variant level=shot_NAME has the "
+        "plants that it sees, and switches them between their forms as it moves. The option can be given several "
+        "times.",
+    )
+    shots.add_argument(
+        "--camera-prim",
+        metavar="PATH",
+        help="The camera has this path in each file of --camera. Without it the file has one camera.",
+    )
+    shots.add_argument(
+        "--near-level",
+        choices=("leaves", "relief", "crown"),
+        help="Near plants of shots are drawn so; the default is leaves where the forest has that level. crown is what "
+        "every renderer draws.",
+    )
+    shots.add_argument(
+        "--far-level",
+        choices=("leaves", "relief", "crown"),
+        help="Far plants of shots are drawn so; the default is relief where the forest has that level.",
+    )
+    shots.add_argument(
+        "--max-full-plants",
+        metavar="N",
+        type=int,
+        default=ShotSettings.max_full,
+        help="So many of the nearest plants are drawn whole, with their branches and leaves, while they are near; the "
+        "default is %(default)s.",
+    )
     run_options = parser.add_argument_group("this run")
     add_seed(run_options, PlantingSettings.seed, 31)
     add_no_preview(run_options)
@@ -118,7 +159,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def declare(options: argparse.Namespace) -> Access:
     reads = given(options.dem, options.plants, options.orthophoto, options.canopy, options.vegetation, options.trunks)
-    return Access(reads=reads, replaces=(options.output,))
+    return Access(reads=(*reads, *options.camera), replaces=(options.output,))
 
 
 def run(options: argparse.Namespace) -> int:

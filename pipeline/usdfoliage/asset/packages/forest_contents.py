@@ -44,6 +44,7 @@ def read_forest(root: Usd.Prim) -> ForestInfo:
     levels: dict[str, int] = {}
     seed, distance = 0, (0.0, 0.0)
     faces = 0
+    counted = np.zeros(0, np.int64)
     walk = iter(Usd.PrimRange(root))
     for prim in walk:
         if prim.HasAPI(FOREST_API):
@@ -52,6 +53,11 @@ def read_forest(root: Usd.Prim) -> ForestInfo:
             indices = stored_numbers(UsdGeom.PointInstancer(prim).GetProtoIndicesAttr().Get(), (None,))
             rows = np.zeros(0, np.int64) if indices is None else indices.astype(np.int64)
             levels[prim.GetName()] = len(rows)
+            ids = stored_numbers(UsdGeom.PointInstancer(prim).GetIdsAttr().Get(), (None,))
+            if ids is not None and len(ids) == len(rows):  # in a shot a plant may stand in several
+                new = ~np.isin(ids, counted)
+                counted = np.concatenate([counted, ids[new].astype(np.int64)])
+                rows = rows[new]
             for row, count in zip(*np.unique(rows, return_counts=True), strict=True):
                 name = species[row] if 0 <= row < len(species) else "unknown"
                 plants[name] = plants.get(name, 0) + int(count)

@@ -2,18 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 
 from pxr import Sdf, Usd
 
-from usdfoliage.asset.layer import author_frames, export_layer, new_layer
+from usdfoliage.asset.layer import NO_TIMES, author_frames, author_times, export_layer, new_layer
 from usdfoliage.asset.packages.cards import author_cards
 from usdfoliage.asset.plant import Plant, author_lod_extents, author_plant
 from usdfoliage.asset.provenance import author_provenance
 from usdfoliage.asset.variants import VariantSet, author_variant_references, author_variant_sets
 
 PAYLOAD = "./payload/payload.usda"  # from the interface layer
-NO_TIMES: Mapping[str, float] = MappingProxyType({})
 
 
 def write_interface_layer(
@@ -58,12 +56,6 @@ def write_payload_layer(
     author_references(stage, root, shared)
     author_variant_references(stage, root, variants)
     export_layer(stage, path)
-
-
-def author_times(stage: Usd.Stage, times: Mapping[str, float]) -> None:
-    """Give the stage's root layer a range of time, by the names of its metadata."""
-    for field, value in times.items():
-        stage.GetRootLayer().pseudoRoot.SetInfo(field, value)
 
 
 def author_payload(stage: Usd.Stage, path: Sdf.Path, layer: str) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, Vt
 
-from usdfoliage.asset.layer import bind_material, export_layer, new_layer
+from usdfoliage.asset.layer import NO_TIMES, author_times, bind_material, export_layer, new_layer
 from usdfoliage.asset.materials.bark import BARK_COLOR
 from usdfoliage.asset.materials.layer import BARK_MATERIAL
 from usdfoliage.asset.parts.crown import FORM
@@ -42,6 +42,14 @@ class ForestPrototype:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class HiddenPlants:
+    """Plants of a level that are not drawn from a frame on, until the next one."""
+
+    frame: float  # time code
+    ids: NDArray[np.int64]  # (K,)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PlantedLevel:
     """Plants (N,) that are drawn in one form."""
 
@@ -58,6 +66,7 @@ class PlantedLevel:
     lod_distance_m: tuple[float, float]
     orthophoto: str = ""  # as seen from the layer's folder
     orthophoto_bounds_m: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)  # least x and z, greatest x and z
+    hidden: Sequence[HiddenPlants] = ()  # by rising frame, where that changes
 
     @property
     def extent_m(self) -> NDArray[np.float64]:
@@ -77,16 +86,31 @@ class PlantedLevel:
         return np.stack([lowest_m.min(axis=0), highest_m.max(axis=0)])
 
 
-def write_planted_layer(path: Path, name: str, level: PlantedLevel) -> None:
-    """Write the plants of a level at /name/plants/<level>.
+def write_planted_layer(
+    path: Path, name: str, levels: Sequence[PlantedLevel], times: Mapping[str, float] = NO_TIMES
+) -> None:
+    """Write the plants of levels at /name/plants/<level>.
+
+    Args:
+        path: Of the layer.
+        name: Of the root prim.
+        levels: One, or those among which plants change in a shot.
+        times: The range of time of a shot, as metadata of the layer.
 
     Raises:
         WriteError: The file cannot be written.
     """
     stage = new_layer(path, name)
+    author_times(stage, times)
     group = UsdGeom.Xform.Define(stage, Sdf.Path(f"/{name}/{PLANTS}"))
     Usd.ModelAPI(group).SetKind(Kind.Tokens.group)
-    root = group.GetPath().AppendChild(level.name)
+    for level in levels:
+        _author_level(stage, group.GetPath().AppendChild(level.name), level, name)
+    export_layer(stage, path)
+
+
+def _author_level(stage: Usd.Stage, root: Sdf.Path, level: PlantedLevel, name: str) -> None:
+    """The instancer of a level."""
     instancer = UsdGeom.PointInstancer.Define(stage, root)
     prim = instancer.GetPrim()
     holder = root.AppendChild("Prototypes")
@@ -103,8 +127,10 @@ def write_planted_layer(path: Path, name: str, level: PlantedLevel) -> None:
         instancer.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(level.extent_m.astype(np.float32)))
         # An array of none has wrong indices to some validators.
         _author_tint(prim, level)
+    for hidden in level.hidden:
+        ids = Vt.Int64Array.FromNumpy(hidden.ids.astype(np.int64))
+        instancer.CreateInvisibleIdsAttr().Set(ids, hidden.frame)
     _author_forest(prim, level)
-    export_layer(stage, path)
 
 
 def _author_tint(prim: Usd.Prim, level: PlantedLevel) -> None:

@@ -6,13 +6,16 @@ from usdfoliage.asset.plant import asset_name
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
 from usdfoliage.forest.planting import PlantingSettings
+from usdfoliage.forest.shots import ShotSettings
 from usdfoliage.forest.tree_tops import TreeTopSettings
 from usdfoliage.jobs.forest.inputs import ForestFiles
 from usdfoliage.jobs.forest.run import ForestRequest
+from usdfoliage.jobs.forest.shots import ShotRequest
 
 
 def read_forest_request(options: argparse.Namespace) -> ForestRequest:
     """The request; FoliageError for values that cannot be."""
+    lod_distance_m = (options.lod_distance[0], options.lod_distance[1])
     try:
         return ForestRequest(
             files=ForestFiles(
@@ -32,7 +35,14 @@ def read_forest_request(options: argparse.Namespace) -> ForestRequest:
                 max_ground_cover=options.max_ground_cover,
             ),
             max_terrain_quads=options.max_terrain_quads,
-            lod_distance_m=(options.lod_distance[0], options.lod_distance[1]),
+            lod_distance_m=lod_distance_m,
+            shots=ShotRequest(
+                files=tuple(options.camera),
+                prim=options.camera_prim,
+                near=options.near_level,
+                far=options.far_level,
+                settings=ShotSettings(lod_distance_m=lod_distance_m, max_full=options.max_full_plants),
+            ),
             force=options.force,
             keep_old=options.keep_old,
             preview=not options.no_preview,

@@ -8,12 +8,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.asset.packages.forest_package import LEVEL
 from usdfoliage.asset.parts.terrain import TerrainPrim
 from usdfoliage.errors import PreviewError
 from usdfoliage.forest.planting import ForestInput, Planting
 from usdfoliage.forest.raster import to_pixels
+from usdfoliage.forest.shots import CameraPath
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.geometry.pinhole import Pinhole, look_at
+from usdfoliage.jobs.forest.shots import PlannedShot
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import leaf_palette, write_picture
@@ -22,6 +25,7 @@ from usdfoliage.jobs.report.timings import write_step_times
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import Remark, RenderSetting, list_sentences
 
+SHOT_PX = 960  # width of the pictures of shots
 MAP_PX = 1400  # longer side of the map
 SIDES = (
     ("From the south", "front", "preview.png"),
@@ -87,6 +91,45 @@ def draw_forest(
         remarks.append(remark_missing_pictures(error))
         return ()
     return tuple(ReportView(name=title, file=file) for title, file in titles)
+
+
+def draw_shots(
+    interface: Path, folder: Path, shots: Sequence[PlannedShot], progress: StepProgress | None = None
+) -> tuple[ReportView, ...]:
+    """Pictures of shots, from their cameras, at their first, middle and last frame.
+
+    Raises:
+        PreviewError: Storm cannot draw.
+    """
+    views, drawn = [], []
+    for shot in shots:
+        frames = shot.camera.path.frame
+        for number in sorted({0, len(frames) // 2, len(frames) - 1}):
+            file = f"{shot.planted.name}_{frames[number]:g}.png"
+            pinhole = pinhole_of(shot.camera.path, number, SHOT_PX)
+            variants = ((LEVEL, shot.planted.name),)
+            views.append(
+                PreviewView(output=folder / file, pinhole=pinhole, variants=variants, frame=float(frames[number]))
+            )
+            drawn.append(ReportView(name=f"{shot.planted.name}, frame {frames[number]:g}", file=file))
+    if views:
+        settings = PreviewSettings(purposes=("default", "render", "proxy"))
+        render_views(interface, views, settings, progress_in_step("preview", progress))
+    return tuple(drawn)
+
+
+def pinhole_of(path: CameraPath, number: int, width_px: int) -> Pinhole:
+    """The camera of a path at one of its frames, in a picture of that width."""
+    left, right, bottom, top = path.window[number]
+    focal_px = width_px / (right - left)
+    axes = path.axes[number] * np.array([[1.0], [-1.0], [-1.0]])  # OpenCV's: right, down, forward
+    return Pinhole(
+        width_px=width_px,
+        height_px=max(1, round(focal_px * (top - bottom))),
+        focal_px=(focal_px, focal_px),
+        center_px=(-left * focal_px, top * focal_px),
+        cam_from_world=np.column_stack([axes, -axes @ path.eye_m[number]]),
+    )
 
 
 def write_forest_report(

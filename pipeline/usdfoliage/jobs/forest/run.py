@@ -24,7 +24,8 @@ from usdfoliage.forest.terrain import mesh_terrain, middle_of
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.jobs.forest.inputs import ForestFiles, ReadForest, describe_files, read_forest
 from usdfoliage.jobs.forest.levels import count_rows, levels_of, make_level, measure_plants
-from usdfoliage.jobs.forest.report import ForestReport, draw_forest, write_forest_report
+from usdfoliage.jobs.forest.report import ForestReport, draw_forest, draw_shots, write_forest_report
+from usdfoliage.jobs.forest.shots import ShotRequest, plan_planted_shot, read_cameras, shot_rows
 from usdfoliage.jobs.report.pictures import write_picture
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.progress import StepProgress, follow_step
@@ -46,6 +47,7 @@ class ForestRequest:
     planting: PlantingSettings = field(default_factory=PlantingSettings)
     max_terrain_quads: int = 1_000_000
     lod_distance_m: tuple[float, float] = (100.0, 200.0)  # as the thesis has it, section 7.3
+    shots: ShotRequest = field(default_factory=ShotRequest)
     force: bool = False
     keep_old: bool = False
     preview: bool = True
@@ -90,6 +92,7 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
     ) as folder:
         with follow_step("read", seconds, progress):
             read = read_forest(request.files)
+            cameras = read_cameras(request.shots)
         with follow_step("plants", seconds, progress):
             assets = measure_plants(read.planted.plants, request.output)
         with follow_step("planting", seconds, progress):
@@ -119,12 +122,19 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
             bounds = _picture_bounds(read.planted.terrain.heights, origin_m)
             if texture and bounds is not None:
                 levels = [replace(level, orthophoto=texture, orthophoto_bounds_m=bounds) for level in levels]
+            may_be_full = np.array([asset.full is not None for asset in assets])[planting.row]
+            by_name = {level.name: level for level in levels}
+            shots = [
+                plan_planted_shot(file, camera, by_name, may_be_full, request.shots)
+                for file, camera in zip(request.shots.files, cameras, strict=True)
+            ]
             interface = write_forest_asset(
                 folder,
                 request.name,
                 ForestParts(
                     terrain=terrain,
                     levels=levels,
+                    shots=[shot.planted for shot in shots],
                     ground=GroundMaterial(texture=texture),
                     asset_from_terrain=asset_from_ground
                     @ np.diag([read.metres_per_unit, read.metres_per_unit, read.metres_per_height, 1.0]),
@@ -133,8 +143,10 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
             )
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
-        rows = forest_rows(planting, read)
+        rows = (*forest_rows(planting, read), *shot_rows(shots, len(planting)))
         drawn = draw_forest(interface if request.preview else None, report_folder, terrain, remarks, progress)
+        if drawn:
+            drawn = (*drawn, *draw_shots(interface, report_folder, shots, progress))
         report = ForestReport(
             name=request.name,
             dem=request.files.dem.name,
@@ -165,6 +177,7 @@ def plan_forest_asset(request: ForestRequest) -> str:
         request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
     )
     read = read_forest(request.files)
+    cameras = read_cameras(request.shots)
     measure_plants(read.planted.plants, request.output)
     height, width = read.planted.terrain.heights.values.shape
     return "\n".join(
@@ -172,6 +185,10 @@ def plan_forest_asset(request: ForestRequest) -> str:
             *describe_files(request.files),
             f"terrain: {width:,} x {height:,} pixels of {read.planted.terrain.heights.cell_m:.3g} m",
             f"species: {', '.join(row.species for row in read.planted.plants.rows)}",
+            *(
+                f"shot: {file}, {camera.prim}, frames {camera.path.frame[0]:g} to {camera.path.frame[-1]:g}"
+                for file, camera in zip(request.shots.files, cameras, strict=True)
+            ),
             *label_remarks(read.remarks, request.render_setting),
             f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
             f"steps: {', '.join(STEPS if request.preview else STEPS[:-1])}",
@@ -245,6 +262,7 @@ def describe_settings(request: ForestRequest) -> Mapping[str, str]:
         "max-ground-cover": str(planting.max_ground_cover),
         "lod-distance": "{:g} {:g}".format(*request.lod_distance_m),
         "max-terrain-quads": str(request.max_terrain_quads),
+        **({"max-full-plants": str(request.shots.settings.max_full)} if request.shots.files else {}),
     }
 
 
@@ -260,6 +278,9 @@ def _picture_bounds(heights: Raster, origin_m: NDArray[np.float64]) -> tuple[flo
 
 def _provenance(request: ForestRequest, assets: Sequence[PlantedAsset]) -> Provenance:
     inputs = {f"{role}/{path.name}": hash_file(path).hex() for role, path in request.files.by_role.items()}
+    inputs |= {
+        f"camera_{number + 1}/{file.name}": hash_file(file).hex() for number, file in enumerate(request.shots.files)
+    }
     for number, asset in enumerate(assets):
         inputs[f"plant_{number + 1}/{asset.layer.name}"] = hash_file(asset.layer).hex()
     return Provenance(

@@ -100,8 +100,11 @@ class PreviewView:
     variants: tuple[tuple[str, str], ...] | None = None  # instead of the settings'
     purposes: tuple[str, ...] | None = None  # likewise
     even_light: bool | None = None  # likewise
+    frame: float | None = None  # likewise; where its camera stands is decided by the settings' frame all the same
 
     def __post_init__(self) -> None:
+        if self.frame is not None and not math.isfinite(self.frame):
+            raise ValueError(f"frame must be a time code, not {self.frame}")
         if self.purposes is not None:
             check_purposes(self.purposes)
         if self.direction not in DIRECTIONS:
@@ -367,6 +370,8 @@ def _build_request(
             entry["purposes"] = list(view.purposes)
         if view.even_light is not None:
             entry["light"] = "even" if view.even_light else ""
+        if view.frame is not None:
+            entry["frame"] = view.frame
         requested.append(entry)
     return {
         "usd_file": str(usd_file.resolve()),
