@@ -13,6 +13,7 @@ from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdUtils
 from usdFoliageValidators.findings import Findings, error, warning
 
 USD_SUFFIXES = (".usda", ".usd", ".usdc", ".usdz")
+TILES = "tiles"  # below the root of a forest: its parts, each behind a payload of its own
 HINT_SLACK = 1e-4  # of the bounds' size; hints are float32
 
 
@@ -31,7 +32,10 @@ def is_forest(plant: Usd.Prim) -> bool:
 
 
 def check_asset_interface(stage: Usd.Stage, _time: object) -> Findings:
-    """The interface layer: defaultPrim, kind, unit, up axis, one payload, alone at the top of its folder."""
+    """The interface layer: defaultPrim, kind, unit, up axis, one payload, alone at the top of its folder.
+
+    A forest in tiles has one payload for each tile instead.
+    """
     plant = plant_of(stage)
     if plant is None:
         return []
@@ -51,8 +55,16 @@ def check_asset_interface(stage: Usd.Stage, _time: object) -> Findings:
         )
     if not stage.HasAuthoredMetadata("upAxis") or UsdGeom.GetStageUpAxis(stage) != UsdGeom.Tokens.y:
         findings.append(error(plant, "UpAxis", "is in a layer whose upAxis is not Y; turn the plant and author Y"))
-    payloads = layer.GetPrimAtPath(plant.GetPath()).payloadList.GetAppliedItems()
-    if len(payloads) != 1:
+    spec = layer.GetPrimAtPath(plant.GetPath())
+    payloads = spec.payloadList.GetAppliedItems()
+    tiles = spec.nameChildren.get(TILES) if kind == Kind.Tokens.assembly and not payloads else None
+    if tiles is not None and tiles.nameChildren:
+        for tile in tiles.nameChildren:
+            count = len(tile.payloadList.GetAppliedItems())
+            if count != 1:
+                text = f"has {count} payloads; author one for each tile"
+                findings.append(error(stage.GetPrimAtPath(tile.path), "Payload", text))
+    elif len(payloads) != 1:
         text = f"has {len(payloads)} payloads; author one, which loads all that is heavy"
         findings.append(error(plant, "Payload", text))
     for name in plant.GetVariantSets().GetNames():

@@ -114,6 +114,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=ForestRequest.max_terrain_quads,
         help="The mesh of the ground has at most so many faces; the default is %(default)s.",
     )
+    planting.add_argument(
+        "--tile",
+        metavar="METRES",
+        type=float,
+        help="The forest is in square tiles of this side in metres, each behind a payload of its own. Without this "
+        "option it is in one piece.",
+    )
     shots = parser.add_argument_group("of shots")
     shots.add_argument(
         "--camera",

@@ -52,7 +52,7 @@ def read_forest(root: Usd.Prim) -> ForestInfo:
             species = [str(name) for name in prim.GetAttribute("foliage:forest:species").Get() or ()]
             indices = stored_numbers(UsdGeom.PointInstancer(prim).GetProtoIndicesAttr().Get(), (None,))
             rows = np.zeros(0, np.int64) if indices is None else indices.astype(np.int64)
-            levels[prim.GetName()] = len(rows)
+            levels[prim.GetName()] = levels.get(prim.GetName(), 0) + len(rows)
             ids = stored_numbers(UsdGeom.PointInstancer(prim).GetIdsAttr().Get(), (None,))
             if ids is not None and len(ids) == len(rows):  # in a shot a plant may stand in several
                 new = ~np.isin(ids, counted)

@@ -14,7 +14,7 @@ from usdfoliage.asset.materials.bark import BarkMaterial, author_bark_material
 from usdfoliage.asset.materials.ground import GroundMaterial, author_ground_material
 from usdfoliage.asset.materials.layer import BARK_MATERIAL, GROUND_MATERIAL, write_materials_layer
 from usdfoliage.asset.packages.assembly import begin_asset
-from usdfoliage.asset.packages.interface import write_interface_layer, write_payload_layer
+from usdfoliage.asset.packages.interface import TILES, TileEntry, write_interface_layer, write_payload_layer
 from usdfoliage.asset.parts.leaf_part import MATERIAL_LAYER
 from usdfoliage.asset.parts.part import MaterialAuthor
 from usdfoliage.asset.parts.planted import PlantedLevel, write_planted_layer
@@ -22,6 +22,7 @@ from usdfoliage.asset.parts.terrain import TerrainPrim, write_terrain_layer
 from usdfoliage.asset.plant import Plant, box_around
 from usdfoliage.asset.provenance import Provenance, needs_file, write_provenance_file
 from usdfoliage.asset.variants import VariantSet
+from usdfoliage.progress import Progress
 
 LEVEL = "level"  # variant set: in which form all plants are drawn
 
@@ -37,24 +38,48 @@ class PlantedShot:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ForestParts:
-    """What a forest's asset is written from."""
+class ForestTile:
+    """A part of the ground and what stands on it; all tiles of a forest have the same levels and shots."""
 
+    name: str = ""  # an identifier; empty where it is all of the forest
     terrain: TerrainPrim
     levels: Sequence[PlantedLevel]  # one variant each; the first is the default
     shots: Sequence[PlantedShot] = ()  # one more variant each, all of one frame rate
+
+    @property
+    def extent_m(self) -> NDArray[np.float64]:
+        """(2, 3) around the ground and all plants."""
+        return box_around([self.terrain.extent_m, *(level.extent_m for level in self.levels if len(level.ids))])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ForestParts:
+    """What a forest's asset is written from. Paths in it are as seen from the folder of its layers, tile_folder."""
+
+    tiles: Sequence[ForestTile]  # one without a name, or as many as there are
     ground: GroundMaterial  # paths as seen from the payload's folder
     asset_from_terrain: NDArray[np.float64]  # (4, 4), column vectors: easting, northing and height as the file has them
 
 
-def write_forest_asset(folder: Path, name: str, forest: ForestParts, provenance: Provenance) -> Path:
+def tile_folder(payload: Path, tile: str) -> Path:
+    """Where the layers of a tile are, in the payload's folder."""
+    return payload / TILES / tile if tile else payload
+
+
+def write_forest_asset(
+    folder: Path, name: str, forest: ForestParts, provenance: Provenance, progress: Progress | None = None
+) -> Path:
     """Write a forest, inside publish_folder as write_crown_asset.
+
+    Without tiles all is behind one payload; with tiles each is behind a payload of its own, and the root's variants
+    choose those of all tiles.
 
     Args:
         folder: An existing folder; pictures that the ground names are in it already.
         name: Of the root prim and the interface layer, an identifier.
         forest: What stands where.
         provenance: The run that made it.
+        progress: Called as tiles are written.
 
     Returns:
         The interface layer, folder/<name>.usda.
@@ -64,19 +89,13 @@ def write_forest_asset(folder: Path, name: str, forest: ForestParts, provenance:
         WriteError: A file cannot be written.
     """
     place = begin_asset(folder, name)
-    write_terrain_layer(place.payload / "terrain.usdc", name, forest.terrain)
-    for level in forest.levels:
-        write_planted_layer(place.payload / f"plants_{level.name}.usdc", name, [level])
-    for shot in forest.shots:
-        write_planted_layer(place.payload / f"plants_{shot.name}.usdc", name, shot.levels, _times_of([shot]))
-    times = _times_of(forest.shots)
     materials: list[MaterialAuthor] = [partial(_author_ground, ground=forest.ground), _author_bark]
     write_materials_layer(place.payload / MATERIAL_LAYER, name, materials)
-    names = [level.name for level in forest.levels] + [shot.name for shot in forest.shots]
-    levels = VariantSet(name=LEVEL, variants={each: [f"./plants_{each}.usdc"] for each in names})
-    shared = [f"./{MATERIAL_LAYER}", "./terrain.usdc"]
-    write_payload_layer(place.payload / "payload.usda", name, shared, [levels], times)
-    boxes_m = [forest.terrain.extent_m, *(level.extent_m for level in forest.levels if len(level.ids))]
+    for number, tile in enumerate(forest.tiles):
+        _write_tile(tile_folder(place.payload, tile.name), tile, tile.name or name)
+        if progress is not None:
+            progress(number + 1, len(forest.tiles))
+    boxes_m = [tile.extent_m for tile in forest.tiles]
     plant = Plant(
         provenance=provenance,
         asset_from_capture=forest.asset_from_terrain,
@@ -88,8 +107,32 @@ def write_forest_asset(folder: Path, name: str, forest: ForestParts, provenance:
     if needs_file(provenance):
         write_provenance_file(folder, provenance)
     interface = folder / f"{name}.usda"
-    write_interface_layer(interface, name, plant, [levels], times=times)
+    first = forest.tiles[0]
+    tiled = {
+        tile.name: TileEntry(layer=f"./payload/{TILES}/{tile.name}/payload.usda", extent_m=box_m)
+        for tile, box_m in zip(forest.tiles, boxes_m, strict=True)
+        if tile.name
+    }
+    write_interface_layer(interface, name, plant, [_levels_of(first)], times=_times_of(first.shots), tiles=tiled)
     return interface
+
+
+def _write_tile(folder: Path, tile: ForestTile, name: str) -> None:
+    """The layers of a tile, of which payload.usda brings the others."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_terrain_layer(folder / "terrain.usdc", name, tile.terrain)
+    for level in tile.levels:
+        write_planted_layer(folder / f"plants_{level.name}.usdc", name, [level])
+    for shot in tile.shots:
+        write_planted_layer(folder / f"plants_{shot.name}.usdc", name, shot.levels, _times_of([shot]))
+    materials = f"../../{MATERIAL_LAYER}" if tile.name else f"./{MATERIAL_LAYER}"
+    shared = [materials, "./terrain.usdc"]
+    write_payload_layer(folder / "payload.usda", name, shared, [_levels_of(tile)], _times_of(tile.shots))
+
+
+def _levels_of(tile: ForestTile) -> VariantSet:
+    names = [level.name for level in tile.levels] + [shot.name for shot in tile.shots]
+    return VariantSet(name=LEVEL, variants={each: [f"./plants_{each}.usdc"] for each in names})
 
 
 def _times_of(shots: Sequence[PlantedShot]) -> Mapping[str, float]:

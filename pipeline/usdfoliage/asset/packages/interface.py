@@ -1,9 +1,13 @@
 """The two text layers that hold an asset together: its interface and its payload."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
-from pxr import Sdf, Usd
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Kind, Sdf, Usd, UsdGeom, Vt
 
 from usdfoliage.asset.layer import NO_TIMES, author_frames, author_times, export_layer, new_layer
 from usdfoliage.asset.packages.cards import author_cards
@@ -12,6 +16,18 @@ from usdfoliage.asset.provenance import author_provenance
 from usdfoliage.asset.variants import VariantSet, author_variant_references, author_variant_sets
 
 PAYLOAD = "./payload/payload.usda"  # from the interface layer
+TILES = "tiles"  # below the root prim, and in the payload's folder
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TileEntry:
+    """A part of an asset that is behind a payload of its own."""
+
+    layer: str  # as seen from the interface layer
+    extent_m: NDArray[np.float64]  # (2, 3)
+
+
+NO_TILES: Mapping[str, TileEntry] = MappingProxyType({})
 
 
 def write_interface_layer(
@@ -21,10 +37,12 @@ def write_interface_layer(
     variants: Sequence[VariantSet],
     frames: int = 0,
     times: Mapping[str, float] = NO_TIMES,
+    tiles: Mapping[str, TileEntry] = NO_TILES,
 ) -> None:
-    """Write what an application reads before it loads the asset: the root prim and nothing below it.
+    """Write what an application reads before it loads the asset: the root prim, and below it tiles, if there are any.
 
     frames is how many there are in variants that move; times, a range of time as metadata of a layer, goes before that.
+    Tiles have the variants of the root, and follow its choice.
     """
     stage = new_layer(path, name)
     if frames:
@@ -37,7 +55,10 @@ def write_interface_layer(
     author_variant_sets(stage, root, variants)
     if plant.lods:
         author_lod_extents(stage.GetRootLayer(), root, plant.lods)
-    author_payload(stage, root, PAYLOAD)
+    if tiles:
+        _author_tiles(stage, root, tiles, variants)
+    else:
+        author_payload(stage, root, PAYLOAD)
     author_provenance(stage.GetRootLayer(), plant.provenance)
     export_layer(stage, path)
 
@@ -56,6 +77,25 @@ def write_payload_layer(
     author_references(stage, root, shared)
     author_variant_references(stage, root, variants)
     export_layer(stage, path)
+
+
+def _author_tiles(
+    stage: Usd.Stage, root: Sdf.Path, tiles: Mapping[str, TileEntry], variants: Sequence[VariantSet]
+) -> None:
+    holder = UsdGeom.Xform.Define(stage, root.AppendChild(TILES))
+    Usd.ModelAPI(holder).SetKind(Kind.Tokens.group)
+    for name, tile in tiles.items():
+        prim = UsdGeom.Xform.Define(stage, holder.GetPath().AppendChild(name)).GetPrim()
+        Usd.ModelAPI(prim).SetKind(Kind.Tokens.group)
+        corners = Vt.Vec3fArray.FromNumpy(tile.extent_m.astype(np.float32))
+        UsdGeom.ModelAPI.Apply(prim).SetExtentsHint(corners)
+        author_payload(stage, prim.GetPath(), tile.layer)
+    spec = stage.GetEditTarget().GetLayer().GetPrimAtPath(root)
+    for entry in variants:
+        for member in entry.variants:
+            chosen = Sdf.PrimSpec(spec.variantSets[entry.name].variants[member].primSpec, TILES, Sdf.SpecifierOver)
+            for name in tiles:
+                Sdf.PrimSpec(chosen, name, Sdf.SpecifierOver).variantSelections[entry.name] = member
 
 
 def author_payload(stage: Usd.Stage, path: Sdf.Path, layer: str) -> None:

@@ -1,7 +1,8 @@
 """The plants of a forest: a PointInstancer with FoliageForestAPI for each level of detail."""
 
+import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,26 @@ class PlantedLevel:
     orthophoto: str = ""  # as seen from the layer's folder
     orthophoto_bounds_m: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)  # least x and z, greatest x and z
     hidden: Sequence[HiddenPlants] = ()  # by rising frame, where that changes
+
+    def take(self, own: NDArray[np.integer]) -> "PlantedLevel":
+        """Some plants (K,) of it, in that order."""
+        ids = self.ids[own]
+        hidden = [replace(each, ids=each.ids[np.isin(each.ids, ids)]) for each in self.hidden]
+        changes = [
+            number == 0 or not np.array_equal(each.ids, hidden[number - 1].ids) for number, each in enumerate(hidden)
+        ]
+        kept = tuple(itertools.compress(hidden, changes))
+        return replace(
+            self,
+            prototype=self.prototype[own],
+            ids=ids,
+            position_m=self.position_m[own],
+            orientation=self.orientation[own],
+            scale=self.scale[own],
+            tint=self.tint[own],
+            jitter=self.jitter[own],
+            hidden=kept if len(kept) > 1 or (kept and len(kept[0].ids)) else (),
+        )
 
     @property
     def extent_m(self) -> NDArray[np.float64]:

@@ -1,6 +1,7 @@
 """The rules of a studio, checked: each has a name, which is that of its findings."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import OpenImageIO as oiio
 from pxr import Usd, UsdGeom
 
 from usdfoliage.asset.packages.contents import list_files
+from usdfoliage.asset.packages.interface import TILES
 from usdfoliage.asset.packed_files import file_of, unpacked
 from usdfoliage.asset.validation.findings import Finding
 from usdfoliage.asset.validation.instances import iterate_prims
@@ -55,7 +57,7 @@ def check_files(interface: Path, rules: StudioRules) -> Iterator[Finding]:
         )
     layers, others, _ = list_files(interface)
     sizes = (
-        ("LayerCount", len(layers), rules.layers, "layers"),
+        ("LayerCount", _count_layers([file.path for file in layers]), rules.layers, "layers"),
         ("InterfaceSize", layers[0].size_bytes, rules.interface_bytes, "bytes in its interface layer"),
         ("AssetSize", sum(file.size_bytes for file in (*layers, *others)), rules.asset_bytes, "bytes in all files"),
     )
@@ -73,6 +75,13 @@ def check_files(interface: Path, rules: StudioRules) -> Iterator[Finding]:
         if side is not None and rules.texture_side_px is not None and side > rules.texture_side_px:
             text = f"is {side:,} pixels along its longer side; {rules.texture_side_px:,} are allowed"
             yield _finding(rules, "TextureSize", file.path, text)
+
+
+def _count_layers(paths: Sequence[str]) -> int:
+    """How many layers are open at once: of tiles only those of the one that has most."""
+    parts = [Path(path).parts for path in paths]
+    tiles = Counter(each[2] for each in parts if len(each) > 3 and each[:2] == ("payload", TILES))
+    return len(paths) - tiles.total() + max(tiles.values(), default=0)
 
 
 def _check_limits(plant: Usd.Prim, prims: Sequence[Usd.Prim], rules: StudioRules) -> Iterator[Finding]:

@@ -36,6 +36,7 @@ def read_forest_request(options: argparse.Namespace) -> ForestRequest:
             ),
             max_terrain_quads=options.max_terrain_quads,
             lod_distance_m=lod_distance_m,
+            tile_m=options.tile,
             shots=ShotRequest(
                 files=tuple(options.camera),
                 prim=options.camera_prim,

@@ -11,24 +11,27 @@ from numpy.typing import NDArray
 from usdfoliage import __version__
 from usdfoliage.asset.asset_record import AssetOrigin
 from usdfoliage.asset.materials.ground import GroundMaterial
-from usdfoliage.asset.packages.forest_package import ForestParts, write_forest_asset
+from usdfoliage.asset.packages.forest_package import ForestParts, ForestTile, tile_folder, write_forest_asset
 from usdfoliage.asset.packages.planted_assets import PlantedAsset
 from usdfoliage.asset.parts.terrain import TerrainPrim
 from usdfoliage.asset.provenance import Provenance, combined_sha256
 from usdfoliage.asset.publish import plan_folder, publish_folder
+from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import hash_file
 from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.planting import Planting, PlantingSettings, plant_forest
 from usdfoliage.forest.raster import Raster
-from usdfoliage.forest.terrain import mesh_terrain, middle_of
+from usdfoliage.forest.terrain import GroundMesh, mesh_terrain, middle_of
+from usdfoliage.forest.tiles import MIN_QUADS, TileGrid, tile_ground
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.jobs.forest.inputs import ForestFiles, ReadForest, describe_files, read_forest
 from usdfoliage.jobs.forest.levels import count_rows, levels_of, make_level, measure_plants
 from usdfoliage.jobs.forest.report import ForestReport, draw_forest, draw_shots, write_forest_report
 from usdfoliage.jobs.forest.shots import ShotRequest, plan_planted_shot, read_cameras, shot_rows
+from usdfoliage.jobs.forest.tiles import split_forest
 from usdfoliage.jobs.report.pictures import write_picture
 from usdfoliage.jobs.report.table import Row
-from usdfoliage.progress import StepProgress, follow_step
+from usdfoliage.progress import Progress, StepProgress, follow_step
 from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, label_remarks, remark
 
 STEPS = ("read", "plants", "planting", "asset", "preview")
@@ -48,6 +51,7 @@ class ForestRequest:
     max_terrain_quads: int = 1_000_000
     lod_distance_m: tuple[float, float] = (100.0, 200.0)  # as the thesis has it, section 7.3
     shots: ShotRequest = field(default_factory=ShotRequest)
+    tile_m: float | None = None  # side of tiles; None for a forest in one piece
     force: bool = False
     keep_old: bool = False
     preview: bool = True
@@ -62,6 +66,9 @@ class ForestRequest:
             raise ValueError(
                 f"lod_distance must be two distances from 0 on, the nearer first, not {near_m:g} {far_m:g}"
             )
+
+        if self.tile_m is not None and not (np.isfinite(self.tile_m) and self.tile_m > 0):
+            raise ValueError(f"tile must be a length above 0, not {self.tile_m:g}")
 
     @property
     def origin(self) -> AssetOrigin:
@@ -106,13 +113,15 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
             mesh = mesh_terrain(read.planted.terrain, request.max_terrain_quads)
             points = np.column_stack([mesh.places_m, np.ones(len(mesh.places_m))]) @ asset_from_ground.T
             terrain = TerrainPrim(points_m=points[:, :3], faces=mesh.faces, st=mesh.st)
+            grid = _tiles_of(request, mesh)
+            layers = tile_folder(request.output.absolute() / "payload", "" if grid is None else grid.name(0))
             levels = [
                 make_level(
                     name,
                     planting,
                     read.planted.plants,
                     assets,
-                    request.output.absolute() / "payload",
+                    layers,
                     asset_from_ground,
                     request.planting.seed,
                     request.lod_distance_m,
@@ -121,25 +130,27 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
             ]
             bounds = _picture_bounds(read.planted.terrain.heights, origin_m)
             if texture and bounds is not None:
-                levels = [replace(level, orthophoto=texture, orthophoto_bounds_m=bounds) for level in levels]
+                seen_from_layers = texture if grid is None else f"../../{texture}"
+                levels = [replace(level, orthophoto=seen_from_layers, orthophoto_bounds_m=bounds) for level in levels]
             may_be_full = np.array([asset.full is not None for asset in assets])[planting.row]
             by_name = {level.name: level for level in levels}
             shots = [
                 plan_planted_shot(file, camera, by_name, may_be_full, request.shots)
                 for file, camera in zip(request.shots.files, cameras, strict=True)
             ]
+            whole = ForestTile(terrain=terrain, levels=levels, shots=[shot.planted for shot in shots])
+            tiles = [whole] if grid is None else split_forest(whole, mesh, planting, grid)
             interface = write_forest_asset(
                 folder,
                 request.name,
                 ForestParts(
-                    terrain=terrain,
-                    levels=levels,
-                    shots=[shot.planted for shot in shots],
+                    tiles=tiles,
                     ground=GroundMaterial(texture=texture),
                     asset_from_terrain=asset_from_ground
                     @ np.diag([read.metres_per_unit, read.metres_per_unit, read.metres_per_height, 1.0]),
                 ),
                 _provenance(request, assets),
+                _progress_of_tiles(progress),
             )
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
@@ -262,6 +273,7 @@ def describe_settings(request: ForestRequest) -> Mapping[str, str]:
         "max-ground-cover": str(planting.max_ground_cover),
         "lod-distance": "{:g} {:g}".format(*request.lod_distance_m),
         "max-terrain-quads": str(request.max_terrain_quads),
+        **({} if request.tile_m is None else {"tile": f"{request.tile_m:g}"}),
         **({"max-full-plants": str(request.shots.settings.max_full)} if request.shots.files else {}),
     }
 
@@ -274,6 +286,32 @@ def _picture_bounds(heights: Raster, origin_m: NDArray[np.float64]) -> tuple[flo
     height, width = heights.values.shape
     west, north = matrix[:, 2] - origin_m[:2]
     return float(west), float(-north), float(west + width * matrix[0, 0]), float(-north - height * matrix[1, 1])
+
+
+def _tiles_of(request: ForestRequest, mesh: GroundMesh) -> TileGrid | None:
+    """The tiles that the user asked for.
+
+    Raises:
+        CaptureError: There would be too many, or their ground would have hardly a face.
+    """
+    if request.tile_m is None:
+        return None
+    try:
+        grid = tile_ground(mesh.places_m, request.tile_m)
+    except ValueError as error:
+        raise CaptureError(str(error), "give a greater length to --tile") from error
+    first = mesh.places_m[mesh.faces[0], :2]
+    quad_m = float(np.linalg.norm(first - np.roll(first, 1, axis=0), axis=1).max())
+    if request.tile_m < MIN_QUADS * quad_m:
+        raise CaptureError(
+            f"tiles of {request.tile_m:g} m would have hardly a face of the ground, which are {quad_m:.3g} m wide",
+            "give a greater length to --tile, or more faces with --max-terrain-quads",
+        )
+    return grid
+
+
+def _progress_of_tiles(progress: StepProgress | None) -> Progress | None:
+    return None if progress is None else lambda done, count: progress("asset", done / count)
 
 
 def _provenance(request: ForestRequest, assets: Sequence[PlantedAsset]) -> Provenance:

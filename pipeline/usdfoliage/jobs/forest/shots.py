@@ -162,18 +162,4 @@ def _only(level: PlantedLevel, plan: ShotPlan, forms: Sequence[ShotForm]) -> Pla
         drawn_now[switch.plant] = np.isin(switch.form, forms)
         if (members[switch.plant] & (before != drawn_now[switch.plant])).any():
             hidden.append(HiddenPlants(frame=switch.frame, ids=level.ids[own[~drawn_now[own]]]))
-    some = len(hidden) > 1 or len(hidden[0].ids) > 0
-    return replace(_take(level, own), hidden=tuple(hidden) if some else ())
-
-
-def _take(level: PlantedLevel, own: NDArray[np.int64]) -> PlantedLevel:
-    return replace(
-        level,
-        prototype=level.prototype[own],
-        ids=level.ids[own],
-        position_m=level.position_m[own],
-        orientation=level.orientation[own],
-        scale=level.scale[own],
-        tint=level.tint[own],
-        jitter=level.jitter[own],
-    )
+    return replace(level, hidden=tuple(hidden)).take(own)

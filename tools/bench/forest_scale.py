@@ -1,0 +1,91 @@
+#!/usr/bin/env python3
+"""A large forest: how long it takes to plant, to write in tiles, and to open with and without its payloads.
+
+usage: tools/bench/forest_scale.py CROWN [--plants 1000000] [--side 10000] [--tile 1000] [-o FOLDER]
+
+CROWN is the asset of all plants. The ground is made of waves, with a height every 10 m; the trunks are given, so that
+what is measured is reading them, choosing species and sizes, and writing. 100,000 plants in one piece: --tile 0.
+"""
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import rasterio
+from pxr import Usd
+
+CELL_M = 10.0
+WEST, NORTH = 455_000.0, 4_670_000.0
+
+
+def write_inputs(folder: Path, crown: Path, plants: int, side_m: float) -> list[str]:
+    """A DEM, trunks and plants.toml; returns the arguments of usdfoliage forest."""
+    cells = int(side_m / CELL_M)
+    row, column = np.mgrid[:cells, :cells]
+    heights = 300 + 60 * np.sin(column / 37) * np.cos(row / 29) + 15 * np.sin((row + 2 * column) / 11)
+    transform = rasterio.transform.from_origin(WEST, NORTH, CELL_M, CELL_M)
+    with rasterio.open(
+        folder / "dem.tif",
+        "w",
+        driver="GTiff",
+        height=cells,
+        width=cells,
+        count=1,
+        dtype="float32",
+        crs="EPSG:25831",
+        transform=transform,
+    ) as file:
+        file.write(heights.astype(np.float32), 1)
+    rng = np.random.default_rng(0)
+    places = np.array([WEST, NORTH - side_m]) + rng.uniform(CELL_M, side_m - CELL_M, (plants, 2))
+    np.savetxt(folder / "trunks.csv", places, fmt="%.2f", delimiter=",")
+    rows = [
+        f'[[plant]]\nspecies = "{name}"\nkind = "tree"\nasset = "{crown.resolve()}"\n'
+        f"share = {share}\nheight_m = [{low}, {high}]\n"
+        for name, share, low, high in (("oak", 0.6, 8, 18), ("pine", 0.4, 10, 24))
+    ]
+    (folder / "plants.toml").write_text("\n".join(rows), encoding="utf-8")
+    return [str(folder / "dem.tif"), "--plants", str(folder / "plants.toml"), "--trunks", str(folder / "trunks.csv")]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("crown", metavar="CROWN", type=Path)
+    parser.add_argument("--plants", type=int, default=1_000_000)
+    parser.add_argument("--side", type=float, default=10_000.0)
+    parser.add_argument("--tile", type=float, default=1000.0, help="0 for a forest in one piece")
+    parser.add_argument("-o", "--output", type=Path)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = options.output or Path(scratch)
+        folder.mkdir(parents=True, exist_ok=True)
+        words = write_inputs(folder, options.crown, options.plants, options.side)
+        words += ["--tile", f"{options.tile:g}"] if options.tile else []
+        forest = folder / "forest"
+        started = time.perf_counter()
+        command = [sys.executable, "-m", "usdfoliage", "forest", *words, "-o", str(forest), "--no-preview", "--force"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        seconds = time.perf_counter() - started
+        if done.returncode:
+            raise SystemExit(done.stderr)
+        layers = list(forest.rglob("*.usd*"))
+        plants = [each for each in layers if each.name.startswith("plants_")]
+        levels = len({each.name for each in plants})
+        print(f"whole command: {seconds:.1f} s, {options.plants:,} plants in {levels} levels, {len(layers):,} layers")
+        print(f"layers of plants, of one level: {sum(each.stat().st_size for each in plants) / levels / 1e6:.1f} MB")
+        interface = str(forest / "forest.usda")
+        for what, load in (("without payloads", Usd.Stage.LoadNone), ("with payloads", Usd.Stage.LoadAll)):
+            started = time.perf_counter()
+            stage = Usd.Stage.Open(interface, load)
+            prims = sum(1 for _ in stage.TraverseAll())
+            print(f"opened {what}: {time.perf_counter() - started:.2f} s, {prims:,} prims")
+            del stage
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
