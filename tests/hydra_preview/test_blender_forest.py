@@ -1,0 +1,62 @@
+"""Blender opens a forest: every plant is an instance at its place, in one piece and in tiles, and Cycles draws it."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom
+from usdfoliage.__main__ import main
+from usdfoliage.asset.packages.leaf_package import write_crown_asset
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.errors import PreviewError
+from usdfoliage.jobs.preview.recorder import find_interpreter
+
+from tests.support.forests.scene import forest_scene, write_forest_files
+from tests.support.plant_assets import round_crown
+
+TOOL = Path(__file__).resolve().parents[2] / "tools" / "blender_import.py"
+
+pytestmark = pytest.mark.preview
+
+
+@pytest.mark.parametrize("tile", [[], ["--tile", "30"]], ids=["in one piece", "in tiles"])
+def test_every_plant_of_a_forest_is_an_instance(tmp_path, tile):
+    try:
+        python = find_interpreter()
+    except PreviewError as error:
+        pytest.skip(f"the preview interpreter is absent: {error}")
+    if subprocess.run([python, "-c", "import bpy"], capture_output=True, check=False).returncode:
+        pytest.skip(f"{python} has no bpy, which is Blender as a module")
+    files = write_forest_files(tmp_path, forest_scene())
+    (tmp_path / "oak").mkdir()
+    write_crown_asset(
+        tmp_path / "oak",
+        "oak",
+        round_crown(),
+        Provenance(capture="crown.jpg", generator="test", seed=0, input_sha256="0"),
+    )
+    words = [f"--{name}={files[name]}" for name in files if name != "dem"]
+    assert main(["forest", str(files["dem"]), *words, *tile, "-o", str(tmp_path / "valley"), "--no-preview"]) == 0
+    interface = tmp_path / "valley" / "valley.usda"
+    picture = tmp_path / "cycles.png"
+    done = subprocess.run(
+        [python, TOOL, interface, "--render", picture, "--size", "160", "96", "--samples", "4"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout.splitlines()[-1])
+    stage = Usd.Stage.Open(str(interface))
+    plants = [prim for prim in stage.Traverse() if prim.HasAPI("FoliageForestAPI")]
+    count = sum(len(UsdGeom.PointInstancer(prim).GetIdsAttr().Get()) for prim in plants)
+    assert count > 50
+    assert found["instances"] == 2 * count  # a crown and its trunk
+    hint = np.array(stage.GetDefaultPrim().GetAttribute("extentsHint").Get())
+    bound = np.array(found["bound_asset"])
+    assert (bound[0] >= hint[0] - 0.01).all()
+    assert (bound[1] <= hint[1] + 0.01).all()
+    assert np.ptp(cv2.imread(str(picture))[..., :3], axis=(0, 1)).max() > 50
