@@ -1,11 +1,13 @@
 """Clusters of leaves that fill a crown: inside it, from the first few on, each turned outwards."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
-from usdfoliage.crown.leafy_crown import LeafyCrownSettings, build_leafy_crown, spread_in_ball
+from usdfoliage.crown.leafy_crown import LeafyCrownSettings, build_leafy_crown, spread_in_ball, spread_on_ball
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.geometry.cubemap import face_directions, sample_cubemap
 
@@ -50,6 +52,29 @@ def test_every_prefix_covers_the_crown():
         away_m = cKDTree(leafy.place_m[:count]).query(surface_m)[0]
         spacing_m = 1.8 * (4 * np.pi / 3 / count) ** (1 / 3)
         assert np.percentile(away_m, 95) < 1.35 * spacing_m
+
+
+def test_a_thin_part_has_small_clusters_to_its_end_and_none_beside_it():
+    direction = face_directions(48)
+    axis = np.array([0.0, 0.0, 1.0])
+    spike = np.arccos(np.clip(direction @ axis, -1, 1)) < 0.08  # .14 m thick where it begins, .29 m at its end
+    model = replace(crown(), radius_m=np.where(spike, 3.6, 1.8), color=np.full((6, 48, 48, 3), 0.2))
+    leafy = build_leafy_crown(model)
+    out_m = leafy.place_m - CENTER_M
+    on_spike = out_m[:, 2] > 2.2
+    assert on_spike.sum() >= 4
+    assert leafy.radius_m[on_spike].max() <= 0.75 * leafy.radius_m.max()
+    assert (np.linalg.norm(out_m[on_spike, :2], axis=1) + leafy.radius_m[on_spike] < 1.0).all()
+    assert out_m[:, 2].max() > 3.1
+    body = out_m[:, 2] < 1.2
+    assert np.mean(leafy.radius_m[body] == leafy.radius_m.max()) > 0.9
+
+
+def test_directions_are_even_over_the_ball():
+    directions = spread_on_ball(24)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1)
+    np.testing.assert_allclose(directions.mean(axis=0), 0, atol=0.03)
+    assert cKDTree(directions).query(directions, k=2)[0][:, 1].min() > 0.4
 
 
 def test_the_deepest_and_lowest_are_darker_and_the_mean_is_the_crowns():

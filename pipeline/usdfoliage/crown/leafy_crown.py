@@ -16,6 +16,10 @@ from usdfoliage.geometry.cubemap import sample_cubemap
 Floats = NDArray[np.float64]
 
 _POOL = 24  # places to choose each from
+_SIZES = (1.0, 0.7, 0.5, 0.35)  # of the radius of a cluster, where the crown has room for it and where it is thin
+_ROOM = 0.8  # of its radius, around a cluster's middle, where there must be crown
+_MIN_INSIDE = 0.5  # of the directions from there
+_DIRECTIONS = 24
 _FILL = 0.8  # of the distance between neighbouring places, radius of a cluster
 _INSIDE = 0.75  # of that radius, by which a cluster's middle is inside the crown
 _LEAF = 1.6  # of that radius, half of a leaf's length times the root of how many there are
@@ -85,16 +89,15 @@ def build_leafy_crown(crown: CrownModel, settings: LeafyCrownSettings = LeafyCro
     share = np.linalg.norm(pool, axis=1)
     reach_m = sample_cubemap(crown.radius_m, pool)
     volume_m3 = 4 * np.pi / 3 * float((reach_m**3).mean())
-    spacing_m = (volume_m3 / settings.clusters) ** (1 / 3)
-    size_m = _FILL * spacing_m
     direction = pool / share[:, None]
-    out_m = np.maximum(share * reach_m - _INSIDE * size_m * share**2, 0.0)
-    chosen = _farthest_first(out_m[:, None] * direction, settings.clusters)
-    direction, share, reach_m, out_m = direction[chosen], share[chosen], reach_m[chosen], out_m[chosen]
+    full_m = _FILL * (volume_m3 / settings.clusters) ** (1 / 3)
+    size_m, out_m = _fitted_sizes(crown, direction, share * reach_m, share, full_m)
+    chosen = _farthest_first(out_m[:, None] * direction, settings.clusters, size_m)
+    direction, share, reach_m = direction[chosen], share[chosen], reach_m[chosen]
+    out_m, radius_m = out_m[chosen], size_m[chosen]
     place_m = crown.center_m + out_m[:, None] * direction
-    radius_m = np.full(settings.clusters, size_m)
     above = np.clip(0.5 + 0.5 * direction[:, 1] * out_m / float(crown.radius_m.max()), 0, 1)
-    aside = (size_m / reach_m)[:, None] * rng.standard_normal((_AROUND, len(chosen), 3)) / np.sqrt(3)
+    aside = (radius_m / reach_m)[:, None] * rng.standard_normal((_AROUND, len(chosen), 3)) / np.sqrt(3)
     around = sample_cubemap(crown.color, direction + aside)
     color = around.mean(axis=0) * (1 - _OCCLUSION * (1 - 0.5 * (share + above)))[:, None]
     return LeafyCrown(
@@ -106,6 +109,43 @@ def build_leafy_crown(crown: CrownModel, settings: LeafyCrownSettings = LeafyCro
         rank=np.arange(len(chosen)) / len(chosen),
         forms=tuple(_cluster(settings, rng) for _ in range(settings.forms)),
     )
+
+
+def _fitted_sizes(
+    crown: CrownModel, direction: Floats, at_m: Floats, share: Floats, full_m: float
+) -> tuple[Floats, Floats]:
+    """Radii (N,) of clusters, and how far from the centre (N,) they are: thin parts of a crown have small clusters.
+
+    Args:
+        crown: Its radii.
+        direction: (N, 3) of the places.
+        at_m: (N,) how far from the centre a place is.
+        share: (N,) the same, of the crown's radius there.
+        full_m: Radius of a cluster where there is room.
+    """
+    around = spread_on_ball(_DIRECTIONS)
+    size_m = np.full(len(direction), _SIZES[-1] * full_m)
+    out_m = np.maximum(at_m - _INSIDE * size_m * share**2, 0.0)
+    for size in reversed(_SIZES[:-1]):
+        inner_m = np.maximum(at_m - _INSIDE * size * full_m * share**2, 0.0)
+        places_m = inner_m[:, None] * direction
+        inside = np.zeros(len(direction))
+        for each in around:
+            beside_m = places_m + _ROOM * size * full_m * each
+            away_m = np.linalg.norm(beside_m, axis=1)
+            inside += away_m <= sample_cubemap(crown.radius_m, beside_m / np.maximum(away_m, 1e-12)[:, None])
+        fits = inside >= _MIN_INSIDE * len(around)
+        size_m[fits], out_m[fits] = size * full_m, inner_m[fits]
+    return size_m, out_m
+
+
+def spread_on_ball(count: int) -> Floats:
+    """(count, 3) unit directions, even over the ball: points on a spiral."""
+    number = np.arange(count) + 0.5
+    up = 1 - 2 * number / count
+    turn = np.pi * (1 + np.sqrt(5)) * number
+    aside = np.sqrt(1 - up**2)
+    return np.column_stack([aside * np.cos(turn), up, aside * np.sin(turn)])
 
 
 def spread_in_ball(count: int, rng: np.random.Generator) -> Floats:
@@ -120,14 +160,17 @@ def _ball(count: int, rng: np.random.Generator) -> Floats:
     return places * (rng.random(count) ** (1 / 3) / np.linalg.norm(places, axis=1))[:, None]
 
 
-def _farthest_first(places: Floats, count: int) -> NDArray[np.int64]:
-    """(count,) of places (N, 3) the outermost, then again and again the one that is farthest from those before it."""
+def _farthest_first(places: Floats, count: int, size: Floats | float = 1.0) -> NDArray[np.int64]:
+    """(count,) of places (N, 3) the outermost, then again and again the one that is farthest from those before it.
+
+    Distances count in sizes (N,) of the places: where these are small, places are close together.
+    """
     chosen = np.empty(count, np.int64)
     away = np.full(len(places), np.inf)
     best = int(np.argmax(np.linalg.norm(places, axis=1)))
     for number in range(count):
         chosen[number] = best
-        away = np.minimum(away, np.linalg.norm(places - places[best], axis=1))
+        away = np.minimum(away, np.linalg.norm(places - places[best], axis=1) / size)
         best = int(np.argmax(away))
     return chosen
 

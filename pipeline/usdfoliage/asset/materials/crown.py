@@ -69,7 +69,7 @@ class CrownLeavesMaterial:
     leaf_map: str  # picture with alpha
     shader: str  # the glslfx source
     clusters: int
-    radius_in_clusters: float  # of the crown, in those of its clusters
+    radius_in_clusters: float  # of the crown, in that of its largest clusters
     mean_color: tuple[float, float, float] = MISSING_COLOR
 
 

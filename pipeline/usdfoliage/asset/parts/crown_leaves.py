@@ -40,8 +40,9 @@ def author_crown_leaves(stage: Usd.Stage, holder: Sdf.Path, name: str, leafy: Le
     primvars = UsdGeom.PrimvarsAPI(instancer)
     color = primvars.CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.varying)
     color.Set(Vt.Vec3fArray.FromNumpy(leafy.color.astype(np.float32)))
-    rank = primvars.CreatePrimvar("leafRank", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.varying)
-    rank.Set(Vt.FloatArray.FromNumpy(leafy.rank.astype(np.float32)))
+    rank = primvars.CreatePrimvar("leafRank", Sdf.ValueTypeNames.Float2Array, UsdGeom.Tokens.varying)
+    ranks = np.column_stack([leafy.rank, leafy.radius_m / leafy.radius_m.max()])
+    rank.Set(Vt.Vec2fArray.FromNumpy(ranks.astype(np.float32)))
 
 
 def _author_cluster(stage: Usd.Stage, path: Sdf.Path, cluster: LeafCluster) -> None:

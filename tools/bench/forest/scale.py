@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A large forest: how long it takes to plant, to write in tiles, and to open with and without its payloads.
 
-usage: tools/bench/forest_scale.py CROWN [--plants 1000000] [--side 10000] [--tile 1000] [-o FOLDER]
+usage: tools/bench/forest/scale.py CROWN [--plants 1000000] [--side 10000] [--tile 1000] [-o FOLDER]
 
 CROWN is the asset of all plants. The ground is made of waves, with a height every 10 m; the trunks are given, so that
 what is measured is reading them, choosing species and sizes, and writing. 100,000 plants in one piece: --tile 0.

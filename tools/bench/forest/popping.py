@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How much a forest jumps where plants change their form: frames of a shot, each with its changes and without them.
 
-usage: tools/bench/forest_popping.py FOREST SHOT.usda [--level shot010] [--width 480] [--every 1] [--sheet SHEET.jpg]
+usage: tools/bench/forest/popping.py FOREST SHOT.usda [--level shot010] [--width 480] [--every 1] [--sheet SHEET.jpg]
 
 FOREST was planted with --camera SHOT.usda. Each frame in which plants change is drawn twice from its camera: as it is,
 and with the forms of the frame before it.

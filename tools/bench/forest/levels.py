@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The thesis' table 7.2: what a forest costs to open and to draw, by the distance at which plants change their level.
 
-usage: tools/bench/forest_levels.py CROWN [--plants 27424] [--side 1500] [--distances 50 100 200] [--frames 4] [--mesh]
+usage: tools/bench/forest/levels.py CROWN [--plants 27424] [--side 1500] [--distances 50 100 200] [--frames 4] [--mesh]
 
 CROWN is the asset of all plants, which stand at random on a ground of waves; a camera flies over it. For each level of
 all plants, and for shots that change from leaves to relief at each distance: seconds of a picture after the first one,
