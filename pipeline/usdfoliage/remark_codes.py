@@ -1282,6 +1282,11 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="The DEM states no coordinate system. Its lengths are taken for metres.",
                 action="Look at the size of the terrain in the report. Give a GeoTIFF with a coordinate system.",
             ),
+            "shot-without-unit": RemarkKind(
+                severity="warning",
+                meaning="The file of a shot states no metersPerUnit. USD takes its lengths for centimetres.",
+                action="Look at the pictures of the shot. Author metersPerUnit in its file.",
+            ),
             "terrain-height-unit": RemarkKind(
                 severity="warning",
                 meaning="The DEM states no unit of its heights, and its easting and northing are not in metres.",

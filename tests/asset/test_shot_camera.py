@@ -34,7 +34,8 @@ def shot(tmp_path, *, up="Y", unit=1.0, cameras=("/shot/cam",), frames=(1001, 10
 def test_a_camera_stands_in_the_frame_of_forests(tmp_path, up, unit):
     camera = read_shot_camera(shot(tmp_path, up=up, unit=unit))
     assert camera.prim == "/shot/cam"
-    assert camera.frames_per_second == 25
+    assert camera.time_codes_per_second == 25
+    assert camera.states_unit
     assert camera.path.frame.tolist() == [1001, 1002, 1003]
     np.testing.assert_allclose(camera.path.eye_m, unit * np.array([[0, 1, 0], [1, 1, 0], [2, 1, 0]]), atol=1e-9)
     np.testing.assert_allclose(camera.path.axes, np.broadcast_to(np.eye(3), (3, 3, 3)), atol=1e-6)
@@ -43,6 +44,49 @@ def test_a_camera_stands_in_the_frame_of_forests(tmp_path, up, unit):
 
 def test_a_file_without_a_range_has_the_frames_of_its_camera(tmp_path):
     assert read_shot_camera(shot(tmp_path, frames=None)).path.frame.tolist() == [1001, 1002, 1003]
+
+
+def test_frames_are_whole_and_within_the_shot(tmp_path):
+    assert read_shot_camera(shot(tmp_path, frames=(1000.5, 1003.2))).path.frame.tolist() == [1001, 1002, 1003]
+    assert read_shot_camera(shot(tmp_path, frames=(1.2, 1.8), name="short.usda")).path.frame.tolist() == [1.2]
+    file = shot(tmp_path, frames=None, name="begin.usda")
+    stage = Usd.Stage.Open(str(file))
+    stage.SetStartTimeCode(1002)
+    stage.GetRootLayer().Save()
+    assert read_shot_camera(file).path.frame.tolist() == [1002, 1003]
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "about"),
+    [
+        ("timeCodesPerSecond", "0", "time codes"),
+        ("timeCodesPerSecond", "nan", "time codes"),
+        ("timeCodesPerSecond", "-24", "time codes"),
+        ("metersPerUnit", "0", "metersPerUnit"),
+        ("metersPerUnit", "-1", "metersPerUnit"),
+        ("metersPerUnit", "nan", "metersPerUnit"),
+    ],
+)
+def test_units_and_rates_that_cannot_be_are_refused(tmp_path, field, value, about):
+    file = shot(tmp_path)
+    text = file.read_text()
+    lines = [f"    {field} = {value}" if line.strip().startswith(field) else line for line in text.splitlines()]
+    file.write_text("\n".join(lines))
+    with pytest.raises(AssetError, match=about):
+        read_shot_camera(file)
+
+
+def test_cameras_of_instances_are_found(tmp_path):
+    rig = shot(tmp_path, name="rig.usda")
+    stage = Usd.Stage.CreateNew(str(tmp_path / "scene.usda"))
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    prim = stage.DefinePrim("/rig")
+    prim.GetReferences().AddReference(str(rig), "/shot")
+    prim.SetInstanceable(True)
+    stage.SetStartTimeCode(1001)
+    stage.SetEndTimeCode(1003)
+    stage.GetRootLayer().Save()
+    assert read_shot_camera(tmp_path / "scene.usda").prim == "/rig/cam"
 
 
 def test_one_of_several_cameras_is_named(tmp_path):
@@ -59,6 +103,8 @@ def test_files_that_are_no_shot_are_refused(tmp_path):
         read_shot_camera(shot(tmp_path, cameras=(), name="none.usda"))
     with pytest.raises(AssetError, match="frames"):
         read_shot_camera(shot(tmp_path, frames=(0, 1e7), name="long.usda"))
+    with pytest.raises(AssetError, match="frames"):
+        read_shot_camera(shot(tmp_path, frames=(1e18, 1e18 + 1000), name="far.usda"))
     with pytest.raises(AssetError, match="from frame 5 to 1"):
         read_shot_camera(shot(tmp_path, frames=(5, 1), name="back.usda"))
     (tmp_path / "broken.usda").write_text("#usda 1.0\n(")

@@ -126,10 +126,10 @@ def test_forms_follow_from_the_switches(seed):
 @pytest.mark.parametrize(
     ("change", "about"),
     [
-        ({"lod_distance_m": (200.0, 100.0)}, "must rise"),
+        ({"lod_distance_m": (200.0, 100.0)}, "the nearer first"),
         ({"hysteresis": 1.0}, "hysteresis"),
         ({"margin": -0.1}, "margin"),
-        ({"max_full": -1}, "max_full"),
+        ({"max_full": -1}, "max-full-plants"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(change, about):

@@ -12,6 +12,7 @@ from usdfoliage.errors import AssetError
 from usdfoliage.forest.shots import CameraPath
 
 MAX_FRAMES = 100_000
+LAST_FRAME = 1e12  # beyond which time codes are not exact enough to count frames
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -20,26 +21,37 @@ class ShotCamera:
 
     prim: str  # path of the camera
     path: CameraPath  # Y up, metres
-    frames_per_second: float  # as the file has them
+    time_codes_per_second: float
+    frames_per_second: float
+    states_unit: bool  # whether the file has metersPerUnit; without it USD takes centimetres
 
 
 def read_shot_camera(file: Path, prim: str | None = None) -> ShotCamera:
-    """The path of a camera through a shot, at every whole frame.
+    """The path of a camera through a shot, at every whole frame of it.
 
-    Frames are those of the file; one without any has the frames at which its camera moves, or the first alone.
+    The first and the last frame are those of the file, or else of what moves its camera; a file without either has one.
 
     Args:
         file: A USD file.
         prim: Path of the camera; without it the file has one camera.
 
     Raises:
-        AssetError: The file cannot be read, or has no such camera, or more than one, or one without perspective.
+        AssetError: The file cannot be read, has a unit or a rate that cannot be, or no such camera, or more than one,
+            or one without perspective.
     """
     open_layer(file)
     stage = Usd.Stage.Open(str(file))
+    unit = float(UsdGeom.GetStageMetersPerUnit(stage))
+    if not 0 < unit < np.inf:
+        raise AssetError(f"{file} has metersPerUnit {unit:g}", "author the unit of its lengths")
+    rates = float(stage.GetTimeCodesPerSecond()), float(stage.GetFramesPerSecond())
+    if not all(0 < rate < np.inf for rate in rates):
+        raise AssetError(
+            f"{file} has {rates[0]:g} time codes and {rates[1]:g} frames per second",
+            "author timeCodesPerSecond and framesPerSecond",
+        )
     camera = _find_camera(stage, file, prim)
     frames = _frames_of(stage, camera, file)
-    unit = float(UsdGeom.GetStageMetersPerUnit(stage))
     up = UsdGeom.GetStageUpAxis(stage)
     # (x, y, z) -> (x, z, -y), for row vectors.
     turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]) if up == UsdGeom.Tokens.z else np.eye(3)
@@ -63,12 +75,14 @@ def read_shot_camera(file: Path, prim: str | None = None) -> ShotCamera:
     return ShotCamera(
         prim=str(camera.GetPath()),
         path=CameraPath(frame=frames, eye_m=eye_m, axes=axes, window=window),
-        frames_per_second=float(stage.GetTimeCodesPerSecond()),
+        time_codes_per_second=rates[0],
+        frames_per_second=rates[1],
+        states_unit=UsdGeom.StageHasAuthoredMetersPerUnit(stage),
     )
 
 
 def _find_camera(stage: Usd.Stage, file: Path, prim: str | None) -> UsdGeom.Camera:
-    cameras = [each for each in stage.Traverse() if each.IsA(UsdGeom.Camera)]
+    cameras = [each for each in stage.Traverse(Usd.TraverseInstanceProxies()) if each.IsA(UsdGeom.Camera)]
     names = [str(each.GetPath()) for each in cameras]
     if not cameras:
         raise AssetError(f"{file} has no camera", "name the file of a shot")
@@ -83,21 +97,23 @@ def _find_camera(stage: Usd.Stage, file: Path, prim: str | None) -> UsdGeom.Came
 
 def _frames_of(stage: Usd.Stage, camera: UsdGeom.Camera, file: Path) -> NDArray[np.float64]:
     """(F,) whole frames from the first to the last."""
-    first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
-    if not stage.HasAuthoredTimeCodeRange():
-        times = list(camera.GetPrim().GetAttribute("focalLength").GetTimeSamples())
-        above = camera.GetPrim()
-        while above and above.IsA(UsdGeom.Xformable):
-            times += UsdGeom.Xformable(above).GetTimeSamples()
-            above = above.GetParent()
-        first, last = (min(times), max(times)) if times else (0.0, 0.0)
+    layer = stage.GetRootLayer()
+    times = [time for attribute in camera.GetPrim().GetAttributes() for time in attribute.GetTimeSamples()]
+    above = camera.GetPrim()
+    while above and above.IsA(UsdGeom.Xformable):
+        times += UsdGeom.Xformable(above).GetTimeSamples()
+        above = above.GetParent()
+    first = stage.GetStartTimeCode() if layer.HasStartTimeCode() else min(times, default=0.0)
+    last = stage.GetEndTimeCode() if layer.HasEndTimeCode() else max(times, default=first)
     if not (np.isfinite(first) and np.isfinite(last) and first <= last):
         raise AssetError(f"{file} goes from frame {first:g} to {last:g}", "author startTimeCode and endTimeCode")
-    if last - first >= MAX_FRAMES:
+    if last - first >= MAX_FRAMES or max(abs(first), abs(last)) > LAST_FRAME:
         raise AssetError(
-            f"{file} has more than {MAX_FRAMES:,} frames", "author startTimeCode and endTimeCode of one shot"
+            f"{file} goes from frame {first:g} to {last:g}, and {MAX_FRAMES:,} frames are allowed",
+            "author startTimeCode and endTimeCode of one shot",
         )
-    return np.arange(float(first), float(last) + 0.5)
+    frames = np.arange(np.ceil(first), np.floor(last) + 1)
+    return frames if len(frames) else np.array([float(first)])  # between two whole frames
 
 
 def _window_of(camera: Gf.Camera) -> NDArray[np.float64]:

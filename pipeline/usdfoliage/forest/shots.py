@@ -58,9 +58,13 @@ class ShotSettings:
     def __post_init__(self) -> None:
         near_m, far_m = self.lod_distance_m
         if not 0 <= near_m <= far_m < np.inf:
-            raise ValueError(f"lod_distance_m must rise from 0 on, not {near_m:g} {far_m:g}")
-        if not (0 <= self.hysteresis < 1 and 0 <= self.margin < np.inf and self.max_full >= 0 and self.full_share >= 0):
-            raise ValueError("hysteresis must be from 0 to below 1; margin, max_full and full_share not below 0")
+            raise ValueError(
+                f"lod_distance must be two distances from 0 on, the nearer first, not {near_m:g} {far_m:g}"
+            )
+        if self.max_full < 0:
+            raise ValueError(f"max-full-plants must be 0 or more, not {self.max_full}")
+        if not (0 <= self.hysteresis < 1 and 0 <= self.margin < np.inf and self.full_share >= 0):
+            raise ValueError("hysteresis must be from 0 to below 1; margin and full_share not below 0")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-MAX_TILES = 10_000
+MAX_TILES = 1_000
 MIN_QUADS = 2  # of the ground's mesh, along a tile
 
 
@@ -41,10 +41,12 @@ def tile_ground(places_m: NDArray[np.float64], tile_m: float) -> TileGrid:
         ValueError: There would be more than MAX_TILES.
     """
     low_m, high_m = places_m[:, :2].min(axis=0), places_m[:, :2].max(axis=0)
-    first = np.floor(low_m / tile_m)
-    columns, rows = np.maximum(np.ceil(high_m / tile_m) - first, 1).astype(np.int64).tolist()
-    if columns * rows > MAX_TILES:
-        raise ValueError(f"tiles of {tile_m:g} m would be {columns * rows:,}, and {MAX_TILES:,} are allowed")
+    with np.errstate(over="ignore", invalid="ignore"):
+        first = np.floor(low_m / tile_m)
+        counts = np.maximum(np.ceil(high_m / tile_m) - first, 1)
+    if not counts.prod() <= MAX_TILES:
+        raise ValueError(f"tiles of {tile_m:g} m would be {counts.prod():,.0f}, and {MAX_TILES:,} are allowed")
+    columns, rows = counts.astype(np.int64).tolist()
     return TileGrid(origin_m=first * tile_m, tile_m=tile_m, columns=columns, rows=rows)
 
 

@@ -29,6 +29,7 @@ from usdfoliage.asset.packages.contents import (
     require_plant,
 )
 from usdfoliage.asset.packages.forest_contents import ForestInfo, read_forest
+from usdfoliage.asset.packages.interface import TILES
 from usdfoliage.asset.packed_files import file_name, unpacked
 from usdfoliage.asset.parts.branches import read_skeleton
 from usdfoliage.asset.parts.leaves import read_leaves
@@ -250,7 +251,14 @@ def format_info(info: AssetInfo) -> str:
         known = ", ".join(f"{each} (selected)" if each == chosen else each for each in variants)
         unknown = f"; none is selected, {chosen} is none of them" if chosen and chosen not in variants else ""
         rows.append((name, known + unknown))
-    rows += [("schema", f"{', '.join(schemas)} on {path}") for path, schemas in info.schemas.items()]
+    tiles = list(dict.fromkeys(tile for path in info.schemas if (tile := _tile_of(path.split("/")[2:]))))
+    if tiles:
+        rows.append(("tiles", f"{len(tiles):,}, whose schemas and layers are like those of {tiles[0]}"))
+    rows += [
+        ("schema", f"{', '.join(schemas)} on {path}")
+        for path, schemas in info.schemas.items()
+        if _tile_of(path.split("/")[2:]) in ("", *tiles[:1])
+    ]
     if info.leaves is not None:
         rows += _leaf_rows(info.leaves)
     if info.branches is not None:
@@ -259,7 +267,11 @@ def format_info(info: AssetInfo) -> str:
         rows += _crown_rows(info.crown)
     if info.forest is not None:
         rows += _forest_rows(info.forest)
-    rows += [("layer", f"{file.path}, {_size(file.size_bytes)}") for file in info.layers]
+    rows += [
+        ("layer", f"{file.path}, {_size(file.size_bytes)}")
+        for file in info.layers
+        if _tile_of(file.path.split("/")[1:]) in ("", *tiles[:1])
+    ]
     rows += [("file", f"{file.path}, {_size(file.size_bytes)}") for file in info.files]
     rows += [("missing", path) for path in info.missing]
     rows += [("outside", f"{path}, which is not in the asset's folder") for path in info.outside]
@@ -341,6 +353,11 @@ def _spread_text(spread: Spread) -> str:
 
 def _numbers(numbers: Sequence[float]) -> str:
     return f"({', '.join(f'{number:.4g}' for number in numbers)})"
+
+
+def _tile_of(parts: Sequence[str]) -> str:
+    """The tile of a forest that a path is in, by its parts from the folder or prim of tiles on; empty for none."""
+    return parts[1] if len(parts) > 1 and parts[0] == TILES else ""
 
 
 def _size(size_bytes: int) -> str:

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import rasterio
 from pxr import Gf, Usd, UsdGeom
 from usdfoliage.__main__ import main
 from usdfoliage.asset.packages.leaf_package import write_crown_asset
@@ -154,8 +155,31 @@ def test_shots_of_two_rates_or_one_name_are_refused(folder, words, capsys):
     assert "24 and 25 frames per second" in capsys.readouterr().err
     twice = ["--camera", str(folder / "shot010.usda")] * 2
     assert main([*words, "-o", str(folder / "two"), *twice]) == 2
-    assert "one name" in capsys.readouterr().err
+    assert "would both be shot010" in capsys.readouterr().err
     assert not (folder / "two").exists()
+
+
+def test_what_a_run_refuses_a_dry_run_refuses(folder, words, capsys):
+    shot = ["--camera", str(folder / "shot010.usda")]
+    for wrong, about in (
+        (["--tile", "0.001", *shot], "are allowed"),
+        (["--near-level", "crown"], "give --camera"),
+        (["--max-full-plants", "-1", *shot], "max-full-plants must be 0 or more"),
+        (["--lod-distance", "5", "3", *shot], "the nearer first"),
+    ):
+        assert main([*words, "-o", str(folder / "dry"), "--dry-run", *wrong]) == 2
+        assert about in capsys.readouterr().err
+
+
+def test_a_forest_without_plants_is_not_blamed_on_the_camera(folder, words, capsys):
+    with rasterio.open(folder / "canopy.tif") as file:
+        profile, heights = file.profile, file.read(1)
+    with rasterio.open(folder / "bare.tif", "w", **profile) as file:
+        file.write(np.zeros_like(heights), 1)
+    bare = [f"--canopy={folder / 'bare.tif'}" if word.startswith("--canopy") else word for word in words]
+    bare = [word for word in bare if not word.startswith(("--trunks", "--vegetation"))]
+    assert main([*bare, "-o", str(folder / "none"), "--camera", str(folder / "shot010.usda")]) == 2
+    assert "has no plants" in capsys.readouterr().err
 
 
 def test_a_dry_run_names_the_frames(folder, words, capsys):

@@ -113,6 +113,13 @@ def test_a_shot_of_tiles_is_that_of_the_whole(whole, tiled):
     assert forms_of(Usd.Stage.Open(str(whole))) == forms_of(Usd.Stage.Open(str(tiled)))
 
 
+def test_info_of_tiles_is_short(tiled, capsys):
+    assert main(["info", str(tiled)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) < 80
+    assert any(line.startswith("tiles ") for line in lines)
+
+
 def test_a_forest_in_tiles_is_valid(tiled):
     findings = validate_asset(tiled, read_profile(default_profile())).findings
     assert not [each for each in findings if each.severity == "error"]

@@ -34,6 +34,7 @@ class PlantedShot:
     name: str  # of the variant
     levels: Sequence[PlantedLevel]  # among which they change
     frames: tuple[float, float]  # the first and the last time code
+    time_codes_per_second: float
     frames_per_second: float
 
 
@@ -139,12 +140,11 @@ def _times_of(shots: Sequence[PlantedShot]) -> Mapping[str, float]:
     """Metadata of a layer: from the first to the last frame of all shots."""
     if not shots:
         return NO_TIMES
-    rate = shots[0].frames_per_second
     return {
         "startTimeCode": min(shot.frames[0] for shot in shots),
         "endTimeCode": max(shot.frames[1] for shot in shots),
-        "timeCodesPerSecond": rate,
-        "framesPerSecond": rate,
+        "timeCodesPerSecond": shots[0].time_codes_per_second,
+        "framesPerSecond": shots[0].frames_per_second,
     }
 
 

@@ -222,7 +222,8 @@ def _fit_exponent(
     if not best.any():
         return settings.allometry.exponent
     thinner, smaller = carried[best] - anchor[0], np.log(circles.radius_m[best]) - anchor[1]
-    exponents = np.arange(*settings.exponents, _EXPONENT_STEP)
+    low, high = settings.exponents
+    exponents = np.linspace(low, high, 1 + max(1, round((high - low) / _EXPONENT_STEP)))
     plausible = -0.5 * np.square((exponents - settings.allometry.exponent) / _EXPONENT_PRIOR)
     level = np.floor((thinner - thinner.min()) / _LEVEL).astype(np.int64)
     share = np.minimum(1, _LEVEL_CIRCLES / np.bincount(level)[level])

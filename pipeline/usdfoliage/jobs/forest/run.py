@@ -27,7 +27,14 @@ from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.jobs.forest.inputs import ForestFiles, ReadForest, describe_files, read_forest
 from usdfoliage.jobs.forest.levels import count_rows, levels_of, make_level, measure_plants
 from usdfoliage.jobs.forest.report import ForestReport, draw_forest, draw_shots, write_forest_report
-from usdfoliage.jobs.forest.shots import ShotRequest, plan_planted_shot, read_cameras, shot_rows
+from usdfoliage.jobs.forest.shots import (
+    ShotRequest,
+    choose_levels,
+    plan_planted_shot,
+    read_cameras,
+    remark_units,
+    shot_rows,
+)
 from usdfoliage.jobs.forest.tiles import split_forest
 from usdfoliage.jobs.report.pictures import write_picture
 from usdfoliage.jobs.report.table import Row
@@ -66,7 +73,6 @@ class ForestRequest:
             raise ValueError(
                 f"lod_distance must be two distances from 0 on, the nearer first, not {near_m:g} {far_m:g}"
             )
-
         if self.tile_m is not None and not (np.isfinite(self.tile_m) and self.tile_m > 0):
             raise ValueError(f"tile must be a length above 0, not {self.tile_m:g}")
 
@@ -104,11 +110,10 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
             assets = measure_plants(read.planted.plants, request.output)
         with follow_step("planting", seconds, progress):
             planting = plant_forest(read.planted, request.planting)
-        remarks = [*read.remarks, *describe_planting(planting)]
+        remarks = [*read.remarks, *remark_units(request.shots.files, cameras), *describe_planting(planting)]
         with follow_step("asset", seconds, progress):
             origin_m = middle_of(read.planted.terrain)
             asset_from_ground = frame_of(origin_m)
-            (folder / "maps").mkdir()
             texture = _write_orthophoto(folder, request.name, read.planted.orthophoto, read.planted.terrain.heights)
             mesh = mesh_terrain(read.planted.terrain, request.max_terrain_quads)
             points = np.column_stack([mesh.places_m, np.ones(len(mesh.places_m))]) @ asset_from_ground.T
@@ -189,18 +194,22 @@ def plan_forest_asset(request: ForestRequest) -> str:
     )
     read = read_forest(request.files)
     cameras = read_cameras(request.shots)
-    measure_plants(read.planted.plants, request.output)
+    levels = levels_of(measure_plants(read.planted.plants, request.output))
+    if cameras:
+        choose_levels(request.shots, levels)
+    grid = _tiles_of(request, mesh_terrain(read.planted.terrain, request.max_terrain_quads))
     height, width = read.planted.terrain.heights.values.shape
     return "\n".join(
         [
             *describe_files(request.files),
             f"terrain: {width:,} x {height:,} pixels of {read.planted.terrain.heights.cell_m:.3g} m",
+            *([] if grid is None else [f"tiles: {grid.columns:,} x {grid.rows:,}"]),
             f"species: {', '.join(row.species for row in read.planted.plants.rows)}",
             *(
                 f"shot: {file}, {camera.prim}, frames {camera.path.frame[0]:g} to {camera.path.frame[-1]:g}"
                 for file, camera in zip(request.shots.files, cameras, strict=True)
             ),
-            *label_remarks(read.remarks, request.render_setting),
+            *label_remarks((*read.remarks, *remark_units(request.shots.files, cameras)), request.render_setting),
             f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
             f"steps: {', '.join(STEPS if request.preview else STEPS[:-1])}",
             would,
@@ -274,7 +283,7 @@ def describe_settings(request: ForestRequest) -> Mapping[str, str]:
         "lod-distance": "{:g} {:g}".format(*request.lod_distance_m),
         "max-terrain-quads": str(request.max_terrain_quads),
         **({} if request.tile_m is None else {"tile": f"{request.tile_m:g}"}),
-        **({"max-full-plants": str(request.shots.settings.max_full)} if request.shots.files else {}),
+        **_describe_shots(request.shots),
     }
 
 
@@ -286,6 +295,17 @@ def _picture_bounds(heights: Raster, origin_m: NDArray[np.float64]) -> tuple[flo
     height, width = heights.values.shape
     west, north = matrix[:, 2] - origin_m[:2]
     return float(west), float(-north), float(west + width * matrix[0, 0]), float(-north - height * matrix[1, 1])
+
+
+def _describe_shots(shots: ShotRequest) -> dict[str, str]:
+    """What decides how shots are planned; nothing without a shot."""
+    if not shots.files:
+        return {}
+    named = {"camera-prim": shots.prim, "near-level": shots.near, "far-level": shots.far}
+    return {
+        "max-full-plants": str(shots.settings.max_full),
+        **{name: value for name, value in named.items() if value is not None},
+    }
 
 
 def _tiles_of(request: ForestRequest, mesh: GroundMesh) -> TileGrid | None:
@@ -353,5 +373,6 @@ def _write_orthophoto(folder: Path, name: str, photo: Raster | None, onto: Raste
     )
     file = f"{name}_orthophoto{'.png' if size[0] * size[1] <= LOSSLESS_PIXELS else '.jpg'}"
     encoded = np.rint(np.clip(np.asarray(encode_srgb(picture)), 0, 1) * 255).astype(np.uint8)
+    (folder / "maps").mkdir(exist_ok=True)
     write_picture(folder / "maps" / file, encoded, jpeg_quality=92)
     return f"../maps/{file}"

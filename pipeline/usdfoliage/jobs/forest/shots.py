@@ -1,6 +1,6 @@
 """The plants of a forest as the camera of a shot sees them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -15,7 +15,10 @@ from usdfoliage.errors import AssetError, CaptureError
 from usdfoliage.forest.shots import ShotForm, ShotPlan, ShotSettings, plan_shot
 from usdfoliage.jobs.forest.levels import CROWN, FULL, LEAVES, RELIEF
 from usdfoliage.jobs.report.table import Row
+from usdfoliage.remarks import Remark, remark
 
+LONGEST_NAME = 100  # letters of a shot
+LEAN = 0.2  # of its height, that the middle of a leaning plant is aside at most
 NEAR_LEVELS, FAR_LEVELS = (LEAVES, CROWN), (RELIEF, CROWN)  # the first that the forest has, unless the user names one
 
 
@@ -33,9 +36,16 @@ class ShotRequest:
         for level in (self.near, self.far):
             if level not in (None, CROWN, RELIEF, LEAVES):
                 raise ValueError(f"a level of near and far plants is one of {CROWN}, {RELIEF}, {LEAVES}, not {level}")
-        names = [shot_name(file) for file in self.files]
-        if len(set(names)) < len(names):
-            raise ValueError("two shots would have one name: rename one of the files")
+        if not self.files and (self.prim, self.near, self.far) != (None, None, None):
+            raise ValueError("camera-prim, near-level and far-level are for shots: give --camera, too")
+        named: dict[str, Path] = {}
+        for file in self.files:
+            name = shot_name(file)
+            if len(name) > LONGEST_NAME:
+                raise ValueError(f"the name of {file} has more than {LONGEST_NAME} letters: rename the file")
+            other = named.setdefault(name.casefold(), file)  # some disks take letters of both cases for one
+            if other is not file:
+                raise ValueError(f"the shots {other} and {file} would both be {name}: rename one, or give it once")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,8 +59,7 @@ class PlannedShot:
 
 def shot_name(file: Path) -> str:
     """The variant of a shot: shot_ and the name of its file, which may begin so itself."""
-    name = asset_name(file.stem)
-    return name if name.lower().startswith("shot") else f"shot_{name}"
+    return asset_name(file.stem if file.stem.lower().startswith("shot") else f"shot_{file.stem}")
 
 
 def read_cameras(request: ShotRequest) -> tuple[ShotCamera, ...]:
@@ -65,13 +74,26 @@ def read_cameras(request: ShotRequest) -> tuple[ShotCamera, ...]:
             cameras.append(read_shot_camera(file, request.prim))
         except AssetError as error:
             raise CaptureError(error.text, error.remedy) from error
-    rates = sorted({camera.frames_per_second for camera in cameras})
+    rates = sorted({(camera.time_codes_per_second, camera.frames_per_second) for camera in cameras})
     if len(rates) > 1:
         raise CaptureError(
-            f"the shots have {' and '.join(f'{rate:g}' for rate in rates)} frames per second",
+            f"the shots have {' and '.join(f'{rate:g}' for rate, _ in rates)} frames per second",
             "plant one forest for the shots of each rate",
         )
     return tuple(cameras)
+
+
+def remark_units(files: Sequence[Path], cameras: Sequence[ShotCamera]) -> list[Remark]:
+    """A remark on each shot that states no unit."""
+    return [
+        remark(
+            "shot-without-unit",
+            f"{file.name} states no metersPerUnit; its lengths are taken for centimetres, as USD does",
+            subject=file.name,
+        )
+        for file, camera in zip(files, cameras, strict=True)
+        if not camera.states_unit
+    ]
 
 
 def plan_planted_shot(
@@ -91,17 +113,14 @@ def plan_planted_shot(
         request: How.
 
     Raises:
-        CaptureError: The camera never sees a plant, or the forest has no such level.
+        CaptureError: The forest has no plants, the camera never sees one, or the forest has no such level.
     """
-    names = {ShotForm.FULL: FULL, ShotForm.NEAR: _level(request.near, NEAR_LEVELS, levels)}
-    names[ShotForm.FAR] = _level(request.far, FAR_LEVELS, levels)
-    any_level = levels[names[ShotForm.NEAR]]
-    boxes_m = np.array([each.extent_m for each in any_level.prototypes]).reshape(-1, 2, 3)[any_level.prototype]
-    # Around the plant upright: what leans reaches no farther than the sphere around it.
-    middle_m = boxes_m.mean(axis=1) * any_level.scale
-    center_m = any_level.position_m + [0.0, 1.0, 0.0] * middle_m
-    reach_m = np.linalg.norm((boxes_m[:, 1] - boxes_m[:, 0]) / 2 * any_level.scale, axis=1)
-    reach_m += np.linalg.norm(middle_m[:, [0, 2]], axis=1)
+    near, far = choose_levels(request, levels)
+    names = {ShotForm.FULL: FULL, ShotForm.NEAR: near, ShotForm.FAR: far}
+    any_level = levels[near]
+    if not len(any_level.ids):
+        raise CaptureError(f"the forest has no plants, which the shot {file} could have", "leave out --camera")
+    center_m, reach_m = _spheres_around([levels[name] for name in dict.fromkeys(names.values()) if name in levels])
     plan = plan_shot(center_m, reach_m, any_level.jitter, may_be_full, camera.path, request.settings)
     if not plan.seen.any():
         first, last = plan.frames
@@ -117,6 +136,7 @@ def plan_planted_shot(
         name=shot_name(file),
         levels=[level for level in made if len(level.ids)],
         frames=plan.frames,
+        time_codes_per_second=camera.time_codes_per_second,
         frames_per_second=camera.frames_per_second,
     )
     return PlannedShot(planted=planted, plan=plan, camera=camera)
@@ -139,7 +159,35 @@ def shot_rows(shots: Sequence[PlannedShot], plants: int) -> tuple[Row, ...]:
     return tuple(rows)
 
 
-def _level(named: str | None, best: Sequence[str], levels: Mapping[str, PlantedLevel]) -> str:
+def choose_levels(request: ShotRequest, levels: Collection[str]) -> tuple[str, str]:
+    """The levels of near and of far plants.
+
+    Args:
+        request: Which the user names.
+        levels: Those that the forest has.
+
+    Raises:
+        CaptureError: The forest does not have one.
+    """
+    return _level(request.near, NEAR_LEVELS, levels), _level(request.far, FAR_LEVELS, levels)
+
+
+def _spheres_around(levels: Sequence[PlantedLevel]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Middles (N, 3) and radii (N,) of spheres that hold each plant in all levels, however it is turned and leans."""
+    centers_m, reaches_m = [], []
+    for level in levels:
+        boxes_m = np.array([each.extent_m for each in level.prototypes]).reshape(-1, 2, 3)[level.prototype]
+        middle_m = boxes_m.mean(axis=1) * level.scale
+        centers_m.append(level.position_m + [0.0, 1.0, 0.0] * middle_m)
+        half_m = np.linalg.norm((boxes_m[:, 1] - boxes_m[:, 0]) / 2 * level.scale, axis=1)
+        # Turned, a middle beside the foot is anywhere around it; leaning, one above the foot is a little aside.
+        reaches_m.append(half_m + np.linalg.norm(middle_m[:, [0, 2]], axis=1) + LEAN * np.abs(middle_m[:, 1]))
+    center_m = centers_m[0]
+    apart_m = [np.linalg.norm(other - center_m, axis=1) for other in centers_m]
+    return center_m, np.max([reach + apart for reach, apart in zip(reaches_m, apart_m, strict=True)], axis=0)
+
+
+def _level(named: str | None, best: Sequence[str], levels: Collection[str]) -> str:
     if named is None:
         return next(name for name in best if name in levels)
     if named not in levels:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from usdfoliage.asset.packages.forest_package import ForestTile
 from usdfoliage.asset.parts.terrain import TerrainPrim
@@ -27,9 +28,8 @@ def split_forest(whole: ForestTile, mesh: GroundMesh, planting: Planting, grid: 
     beside = np.flatnonzero(~np.isin(of_plant, present))
     if len(beside):
         middle = np.stack([present % grid.columns, present // grid.columns], axis=-1) + 0.5
-        middle_m = grid.origin_m + grid.tile_m * middle
-        away_m = np.linalg.norm(planting.ground_m[beside, None] - middle_m[None], axis=2)
-        of_plant[beside] = present[away_m.argmin(axis=1)]
+        nearest = cKDTree(grid.origin_m + grid.tile_m * middle).query(planting.ground_m[beside])[1]
+        of_plant[beside] = present[nearest]
     order = np.argsort(of_plant, kind="stable")
     bounds = np.searchsorted(of_plant[order], present), np.searchsorted(of_plant[order], present, side="right")
     tiles = []
@@ -38,9 +38,10 @@ def split_forest(whole: ForestTile, mesh: GroundMesh, planting: Planting, grid: 
         points, faces = ground[number]
         terrain = TerrainPrim(points_m=whole.terrain.points_m[points], faces=faces, st=whole.terrain.st[points])
         levels = [level.take(own) for level in whole.levels]
+        ids = levels[0].ids
         shots = []
         for shot in whole.shots:
-            seen = [level.take(np.flatnonzero(np.isin(level.ids, own))) for level in shot.levels]
+            seen = [level.take(np.flatnonzero(np.isin(level.ids, ids))) for level in shot.levels]
             shots.append(replace(shot, levels=[level for level in seen if len(level.ids)]))
         tiles.append(ForestTile(name=grid.name(number), terrain=terrain, levels=levels, shots=shots))
     return tiles
