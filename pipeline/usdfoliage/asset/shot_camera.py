@@ -10,6 +10,7 @@ from pxr import Gf, Usd, UsdGeom
 from usdfoliage.asset.locate import open_layer
 from usdfoliage.errors import AssetError
 from usdfoliage.forest.shots import CameraPath
+from usdfoliage.remarks import Argument
 
 MAX_FRAMES = 100_000
 LAST_FRAME = 1e12  # beyond which time codes are not exact enough to count frames
@@ -90,7 +91,8 @@ def _find_camera(stage: Usd.Stage, file: Path, prim: str | None) -> UsdGeom.Came
         raise AssetError(f"{file} has no camera {prim}", f"name one of {', '.join(names[:8])}")
     if prim is None and len(cameras) > 1:
         raise AssetError(
-            f"{file} has {len(cameras)} cameras: {', '.join(names[:8])}", "name one of them with --camera-prim"
+            f"{file} has {len(cameras)} cameras: {', '.join(names[:8])}",
+            ("name one of them with ", Argument(name="camera_prim")),
         )
     return UsdGeom.Camera(cameras[names.index(prim) if prim is not None else 0])
 

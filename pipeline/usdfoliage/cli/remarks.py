@@ -69,6 +69,15 @@ COMMANDS: Mapping[str, CommandOptions] = {
         values={"capture.toml:metres_per_unit": _UNITS},
         arguments={"mask": "--mask"},
     ),
+    "forest": CommandOptions(
+        options={},
+        arguments={
+            "camera": "--camera",
+            "camera_prim": "--camera-prim",
+            "max_terrain_quads": "--max-terrain-quads",
+            "tile": "--tile",
+        },
+    ),
     "leaves": CommandOptions(
         options={
             "leaves.depth": "--depth",

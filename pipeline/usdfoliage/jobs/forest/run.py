@@ -39,7 +39,7 @@ from usdfoliage.jobs.forest.tiles import split_forest
 from usdfoliage.jobs.report.pictures import write_picture
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.progress import Progress, StepProgress, follow_step
-from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, label_remarks, remark
+from usdfoliage.remarks import Argument, Remark, RenderSetting, as_plan_setting, label_remarks, remark
 
 STEPS = ("read", "plants", "planting", "asset", "preview")
 MAX_SIDE_PX = 8192  # of the orthophoto's copy in the asset
@@ -319,13 +319,18 @@ def _tiles_of(request: ForestRequest, mesh: GroundMesh) -> TileGrid | None:
     try:
         grid = tile_ground(mesh.places_m, request.tile_m)
     except ValueError as error:
-        raise CaptureError(str(error), "give a greater length to --tile") from error
+        raise CaptureError(str(error), ("give a greater length to ", Argument(name="tile"))) from error
     first = mesh.places_m[mesh.faces[0], :2]
     quad_m = float(np.linalg.norm(first - np.roll(first, 1, axis=0), axis=1).max())
     if request.tile_m < MIN_QUADS * quad_m:
         raise CaptureError(
             f"tiles of {request.tile_m:g} m would have hardly a face of the ground, which are {quad_m:.3g} m wide",
-            "give a greater length to --tile, or more faces with --max-terrain-quads",
+            (
+                "give a greater length to ",
+                Argument(name="tile"),
+                ", or more faces with ",
+                Argument(name="max_terrain_quads"),
+            ),
         )
     return grid
 

@@ -15,7 +15,7 @@ from usdfoliage.errors import AssetError, CaptureError
 from usdfoliage.forest.shots import ShotForm, ShotPlan, ShotSettings, plan_shot
 from usdfoliage.jobs.forest.levels import CROWN, FULL, LEAVES, RELIEF
 from usdfoliage.jobs.report.table import Row
-from usdfoliage.remarks import Remark, remark
+from usdfoliage.remarks import Argument, Remark, remark
 
 LONGEST_NAME = 100  # letters of a shot
 LEAN = 0.2  # of its height, that the middle of a leaning plant is aside at most
@@ -36,8 +36,6 @@ class ShotRequest:
         for level in (self.near, self.far):
             if level not in (None, CROWN, RELIEF, LEAVES):
                 raise ValueError(f"a level of near and far plants is one of {CROWN}, {RELIEF}, {LEAVES}, not {level}")
-        if not self.files and (self.prim, self.near, self.far) != (None, None, None):
-            raise ValueError("camera-prim, near-level and far-level are for shots: give --camera, too")
         named: dict[str, Path] = {}
         for file in self.files:
             name = shot_name(file)
@@ -119,7 +117,9 @@ def plan_planted_shot(
     names = {ShotForm.FULL: FULL, ShotForm.NEAR: near, ShotForm.FAR: far}
     any_level = levels[near]
     if not len(any_level.ids):
-        raise CaptureError(f"the forest has no plants, which the shot {file} could have", "leave out --camera")
+        raise CaptureError(
+            f"the forest has no plants, which the shot {file} could have", ("leave out ", Argument(name="camera"))
+        )
     center_m, reach_m = _spheres_around([levels[name] for name in dict.fromkeys(names.values()) if name in levels])
     plan = plan_shot(center_m, reach_m, any_level.jitter, may_be_full, camera.path, request.settings)
     if not plan.seen.any():
