@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import main
-from usdfoliage.asset.packages.leaf_package import write_crown_asset
-from usdfoliage.asset.provenance import Provenance
 from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.preview.recorder import find_interpreter
 
-from tests.support.forests.scene import forest_scene, write_forest_files
-from tests.support.plant_assets import round_crown
+from tests.support.forests.shots import forest_words
 
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "blender_import.py"
 
@@ -30,16 +27,7 @@ def test_every_plant_of_a_forest_is_an_instance(tmp_path, tile):
         pytest.skip(f"the preview interpreter is absent: {error}")
     if subprocess.run([python, "-c", "import bpy"], capture_output=True, check=False).returncode:
         pytest.skip(f"{python} has no bpy, which is Blender as a module")
-    files = write_forest_files(tmp_path, forest_scene())
-    (tmp_path / "oak").mkdir()
-    write_crown_asset(
-        tmp_path / "oak",
-        "oak",
-        round_crown(),
-        Provenance(capture="crown.jpg", generator="test", seed=0, input_sha256="0"),
-    )
-    words = [f"--{name}={files[name]}" for name in files if name != "dem"]
-    assert main(["forest", str(files["dem"]), *words, *tile, "-o", str(tmp_path / "valley"), "--no-preview"]) == 0
+    assert main([*forest_words(tmp_path), *tile, "-o", str(tmp_path / "valley")]) == 0
     interface = tmp_path / "valley" / "valley.usda"
     picture = tmp_path / "cycles.png"
     done = subprocess.run(

@@ -226,6 +226,20 @@ def is_assembly(root: Usd.Prim) -> bool:
     return bool(root) and root.HasAPI(PLANT_API) and Usd.ModelAPI(root).GetKind() == Kind.Tokens.assembly
 
 
+def refuse_forest(root: Usd.Prim, path: Path) -> None:
+    """Refuse a forest where one plant is needed.
+
+    Args:
+        root: The root prim of an asset.
+        path: What the user calls the asset.
+
+    Raises:
+        AssetError: It is a forest.
+    """
+    if is_assembly(root):
+        raise AssetError(f"{path} is a forest, and not one plant", "name the asset of one of its plants")
+
+
 def find_plants(stage: Usd.Stage) -> list[Usd.Prim]:
     """The plants of a stage, loaded or not, those in instances too; of a forest that alone, and not its prototypes."""
     root = stage.GetDefaultPrim()
@@ -244,13 +258,12 @@ def require_leaves(stage: Usd.Stage, path: Path) -> list[Usd.Prim]:
     """The prims that hold leaves; path is what the user calls the stage.
 
     Raises:
-        AssetError: There are none.
+        AssetError: There are none, or it is a forest.
     """
+    refuse_forest(stage.GetDefaultPrim(), path)
     leaves = find_leaves(stage)
-    if not leaves or is_assembly(stage.GetDefaultPrim()):
+    if not leaves:
         plants = find_plants(stage)
-        if is_assembly(stage.GetDefaultPrim()):
-            raise AssetError(f"{path} is a forest, and not one plant", "name the asset of one of its plants")
         seen = f"a plant without leaves in the selected variants (<{plants[0].GetPath()}>)" if plants else "no plant"
         raise AssetError(f"{path} holds {seen}", "name an asset with leaves, or choose another lod or representation")
     return leaves

@@ -5,54 +5,25 @@ import json
 import numpy as np
 import pytest
 import rasterio
-from pxr import Gf, Usd, UsdGeom
+from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import main
-from usdfoliage.asset.packages.leaf_package import write_crown_asset
-from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation.validate import validate_asset
 from usdfoliage.jobs.forest.shots import shot_name
 
-from tests.support.forests.scene import forest_scene, write_forest_files
-from tests.support.plant_assets import round_crown
-
-PLAIN = Provenance(capture="crown.jpg", generator="test", seed=0, input_sha256="0")
-FRAMES = 24
-PATH_M = np.linspace(60, -20, FRAMES)
-
-
-def write_shot(path, eyes_m, rate=24.0, towards=(0.0, -0.3, -1.0)):
-    stage = Usd.Stage.CreateNew(str(path))
-    UsdGeom.SetStageUpAxis(stage, "Y")
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    stage.SetStartTimeCode(1001)
-    stage.SetEndTimeCode(1000 + len(eyes_m))
-    stage.SetTimeCodesPerSecond(rate)
-    camera = UsdGeom.Camera.Define(stage, "/cam")
-    camera.CreateFocalLengthAttr(30.0)
-    place = camera.AddTransformOp()
-    for number, eye_m in enumerate(eyes_m):
-        eye = Gf.Vec3d(*map(float, eye_m))
-        view = Gf.Matrix4d().SetLookAt(eye, eye + Gf.Vec3d(*towards), Gf.Vec3d(0, 1, 0))
-        place.Set(view.GetInverse(), 1001 + number)
-    stage.GetRootLayer().Save()
-    return path
+from tests.support.forests.shots import FRAMES, PATH_M, drawn_at, forest_words, write_shot
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("a shot")
-    (folder / "oak").mkdir()
-    write_crown_asset(folder / "oak", "oak", round_crown(), PLAIN)
     write_shot(folder / "shot010.usda", [(0, 40, z) for z in PATH_M])
     return folder
 
 
 @pytest.fixture(scope="module")
 def words(folder):
-    files = write_forest_files(folder, forest_scene())
-    options = [f"--{name}={files[name]}" for name in files if name != "dem"]
-    return ["forest", str(files["dem"]), *options, "--no-preview", "--reproducible"]
+    return forest_words(folder)
 
 
 @pytest.fixture(scope="module")
@@ -61,11 +32,6 @@ def forest(folder, words):
     shot = ["--camera", str(folder / "shot010.usda"), "--lod-distance", "30", "70"]
     assert main([*words, "-o", str(out), *shot]) == 0
     return out
-
-
-def drawn_at(instancer: UsdGeom.PointInstancer, frame: float) -> set[int]:
-    hidden = set(instancer.GetInvisibleIdsAttr().Get(frame) or ())
-    return set(instancer.GetIdsAttr().Get()) - hidden
 
 
 def test_a_plant_stands_in_one_level_at_every_frame(forest):

@@ -4,33 +4,22 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import main
-from usdfoliage.asset.packages.leaf_package import write_crown_asset
-from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation.validate import validate_asset
 
-from tests.jobs.forest.test_shots import FRAMES, PATH_M, drawn_at, write_shot
-from tests.support.forests.scene import forest_scene, write_forest_files
-from tests.support.plant_assets import round_crown
-
-PLAIN = Provenance(capture="crown.jpg", generator="test", seed=0, input_sha256="0")
+from tests.support.forests.shots import FRAMES, PATH_M, drawn_at, forest_words, write_shot
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("in tiles")
-    (folder / "oak").mkdir()
-    write_crown_asset(folder / "oak", "oak", round_crown(), PLAIN)
     write_shot(folder / "shot010.usda", [(0, 40, z) for z in PATH_M])
     return folder
 
 
 @pytest.fixture(scope="module")
 def words(folder):
-    files = write_forest_files(folder, forest_scene())
-    options = [f"--{name}={files[name]}" for name in files if name != "dem"]
-    shot = ["--camera", str(folder / "shot010.usda"), "--lod-distance", "30", "70"]
-    return ["forest", str(files["dem"]), *options, *shot, "--no-preview", "--reproducible"]
+    return [*forest_words(folder), "--camera", str(folder / "shot010.usda"), "--lod-distance", "30", "70"]
 
 
 @pytest.fixture(scope="module")

@@ -10,13 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
 
-from usdfoliage.asset.locate import find_interface, find_plants, first_reason, log_diagnostics, lost_layers, open_layer
+from usdfoliage.asset.locate import (
+    find_interface,
+    find_plants,
+    first_reason,
+    log_diagnostics,
+    lost_layers,
+    open_layer,
+    refuse_forest,
+)
 from usdfoliage.asset.look_layer import CUSTOM_DATA_KEY, REPRESENTATION
 from usdfoliage.asset.looks.look import Look, read_look
 from usdfoliage.asset.materials.leaf import STORM_SURFACE, TEXTURE_COLOR
 from usdfoliage.asset.materials.picture import why_no_picture
 from usdfoliage.asset.own_files import may_hand_on, require_own
-from usdfoliage.asset.packages.forest_contents import refuse_forest
 from usdfoliage.asset.packed_files import display_name, is_package, is_packed, size_bytes
 from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.asset.parts.leaf_primvars import describe_unfound, place

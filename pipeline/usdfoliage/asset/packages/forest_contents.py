@@ -2,15 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from usdfoliage.asset.locate import is_assembly
 from usdfoliage.asset.schema import FOREST_API
 from usdfoliage.asset.stored_numbers import stored_numbers
-from usdfoliage.errors import AssetError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,20 +19,6 @@ class ForestInfo:
     seed: int
     lod_distance_m: tuple[float, float]
     terrain_faces: int
-
-
-def refuse_forest(root: Usd.Prim, path: Path) -> None:
-    """Refuse a forest where one plant is needed.
-
-    Args:
-        root: The root prim of an asset.
-        path: What the user calls the asset.
-
-    Raises:
-        AssetError: It is a forest.
-    """
-    if is_assembly(root):
-        raise AssetError(f"{path} is a forest, and not one plant", "name the asset of one of its plants")
 
 
 def read_forest(root: Usd.Prim) -> ForestInfo:

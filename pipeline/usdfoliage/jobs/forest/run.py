@@ -197,7 +197,9 @@ def plan_forest_asset(request: ForestRequest) -> str:
     levels = levels_of(measure_plants(read.planted.plants, request.output))
     if cameras:
         choose_levels(request.shots, levels)
-    grid = _tiles_of(request, mesh_terrain(read.planted.terrain, request.max_terrain_quads))
+    grid = None
+    if request.tile_m is not None:
+        grid = _tiles_of(request, mesh_terrain(read.planted.terrain, request.max_terrain_quads))
     height, width = read.planted.terrain.heights.values.shape
     return "\n".join(
         [
