@@ -34,6 +34,7 @@ from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_
 from usdfoliage.jobs.preview.recorder import find_interpreter
 
 from tests.support.captures import LENS, look_at, ring, sphere_depth
+from tests.support.machines.blender import blender_interpreter
 
 CAMERAS = "/capture/geo/guide/Cameras"
 CLOUD = "/capture/geo/guide/Cloud"
@@ -431,12 +432,7 @@ print("FOUND" + json.dumps(found))
 
 @pytest.mark.preview
 def test_blender_has_the_cameras_and_the_cloud(tmp_path):
-    try:
-        python = find_interpreter()
-    except PreviewError as error:
-        pytest.skip(f"the preview interpreter is absent: {error}")
-    if subprocess.run([python, "-c", "import bpy"], capture_output=True, check=False).returncode:
-        pytest.skip(f"{python} has no bpy, which is Blender as a module")
+    python = blender_interpreter()
     write(tmp_path)
     words = [python, "-c", BLENDER, str(tmp_path / "capture.usda")]
     printed = subprocess.run(words, capture_output=True, text=True, check=True).stdout

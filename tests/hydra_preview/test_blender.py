@@ -10,12 +10,12 @@ import pytest
 from usdfoliage.asset.packages.leaf_package import AssetSettings, write_crown_asset
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.crown.model import CrownModel
-from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.geometry.crown_cage import build_crown_cage
 from usdfoliage.geometry.cubemap import face_directions
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views
-from usdfoliage.jobs.preview.recorder import find_interpreter
+
+from tests.support.machines.blender import blender_interpreter
 
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "blender_import.py"
 SEMI_AXES_M = np.array([1.5, 2.0, 1.0])
@@ -53,12 +53,7 @@ def asset(tmp_path_factory):
 @pytest.fixture(scope="module")
 def blender(asset, tmp_path_factory):
     """Blender's description of the asset, and its picture (H, W, 4) of the front, linear."""
-    try:
-        python = find_interpreter()
-    except PreviewError as error:
-        pytest.skip(f"the preview interpreter is absent: {error}")
-    if subprocess.run([python, "-c", "import bpy"], capture_output=True, check=False).returncode:
-        pytest.skip(f"{python} has no bpy, which is Blender as a module")
+    python = blender_interpreter()
     output = tmp_path_factory.mktemp("blender") / "front.png"
     words = [python, TOOL, asset, "--render", output, "--size", str(SIDE_PX), str(SIDE_PX), "--samples", "8"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import main
-from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.preview.recorder import find_interpreter
 
 from tests.support.forests.shots import forest_words
+from tests.support.machines.blender import blender_interpreter
 
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "blender_import.py"
 
@@ -21,12 +20,7 @@ pytestmark = pytest.mark.preview
 
 @pytest.mark.parametrize("tile", [[], ["--tile", "30"]], ids=["in one piece", "in tiles"])
 def test_every_plant_of_a_forest_is_an_instance(tmp_path, tile):
-    try:
-        python = find_interpreter()
-    except PreviewError as error:
-        pytest.skip(f"the preview interpreter is absent: {error}")
-    if subprocess.run([python, "-c", "import bpy"], capture_output=True, check=False).returncode:
-        pytest.skip(f"{python} has no bpy, which is Blender as a module")
+    python = blender_interpreter()
     assert main([*forest_words(tmp_path), *tile, "-o", str(tmp_path / "valley")]) == 0
     interface = tmp_path / "valley" / "valley.usda"
     picture = tmp_path / "cycles.png"

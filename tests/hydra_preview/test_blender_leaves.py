@@ -11,10 +11,10 @@ from pxr import Usd, UsdGeom
 from usdfoliage.asset.packages.leaf_package import write_leaf_asset
 from usdfoliage.asset.parts.leaf_part import LeafAppearance, LeafAssetSettings
 from usdfoliage.asset.provenance import Provenance
-from usdfoliage.errors import PreviewError
 from usdfoliage.geometry.color import decode_srgb
-from usdfoliage.jobs.preview.recorder import find_interpreter
 from usdfoliage.leaf.shape.spray import scatter_spray
+
+from tests.support.machines.blender import blender_interpreter
 
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "blender_import.py"
 LEAVES = 60
@@ -68,12 +68,7 @@ def write_textured(folder):
 @pytest.fixture(scope="module")
 def blender(shots):
     """Blender's description of each scene, and its picture of the front."""
-    try:
-        python = find_interpreter()
-    except PreviewError as error:
-        pytest.skip(f"the preview interpreter is absent: {error}")
-    if subprocess.run([python, "-c", "import bpy"], capture_output=True, check=False).returncode:
-        pytest.skip(f"{python} has no bpy, which is Blender as a module")
+    python = blender_interpreter()
     seen = {}
     for representation, shot in shots.items():
         picture = shot.with_suffix(".png")

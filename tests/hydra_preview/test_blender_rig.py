@@ -8,12 +8,11 @@ import pytest
 from pxr import Usd, UsdGeom, UsdSkel
 from usdfoliage.branch.motion.rig import RigSettings
 from usdfoliage.branch.motion.sway import SwaySettings
-from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.branches.motion import BranchMotion
-from usdfoliage.jobs.preview.recorder import find_interpreter
 
 from tests.support.branch_motions import write_moving
 from tests.support.branch_shapes import fork
+from tests.support.machines.blender import blender_interpreter
 
 pytestmark = pytest.mark.preview
 
@@ -36,12 +35,7 @@ print("result", json.dumps({{"bones": bones, "points": points}}))
 
 
 def test_blender_moves_the_surface_as_usd_does(tmp_path):
-    try:
-        python = find_interpreter()
-    except PreviewError as error:
-        pytest.skip(f"the preview interpreter is absent: {error}")
-    if subprocess.run([python, "-c", "import bpy"], capture_output=True, check=False).returncode:
-        pytest.skip(f"{python} has no bpy, which is Blender as a module")
+    python = blender_interpreter()
     motion = BranchMotion(rig=RigSettings(), sway=SwaySettings(frames=4, swing_rad=0.3))
     stage = Usd.Stage.Open(str(write_moving(tmp_path / "fork", "fork", fork(), motion)))
     stage.GetDefaultPrim().GetVariantSet("rig").SetVariantSelection("skel")
