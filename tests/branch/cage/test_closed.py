@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 from usdfoliage.branch.axis_places import axis_exits
 from usdfoliage.branch.cage import join
 from usdfoliage.branch.cage.build import build_branch_cage, check_cage
-from usdfoliage.branch.cage.closed import TwigChoice, build_with_twigs, close_branches, find_afloat
+from usdfoliage.branch.cage.closed import (
+    TwigChoice,
+    build_with_twigs,
+    choose_astray,
+    close_branches,
+    find_afloat,
+)
 from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.twigs import TwigSettings
@@ -223,3 +229,20 @@ def test_of_what_is_afloat_only_the_branches_that_are_asked_for_are_found():
     torn = replace(closed, skeleton=skeleton, cage=cage)
     assert find_afloat(torn).tolist() == [False, True, True]
     assert find_afloat(torn, np.array([True, False, True])).tolist() == [False, False, True]
+
+
+def test_the_worst_of_what_is_bare_is_drawn_otherwise():
+    thickest_m = np.full(4, 0.1)
+    assert choose_astray(np.array([0.2, 0, 0.01, 0.02]), thickest_m, 0.03).tolist() == [True, False, False, False]
+    assert choose_astray(np.array([0.2, 0, 0.01, 0.02]), thickest_m, 0.02).tolist() == [True, False, False, True]
+
+
+@given(
+    st.lists(st.tuples(st.floats(0, 1), st.floats(0.001, 0.5)), min_size=1, max_size=30),
+    st.floats(0, 2),
+)
+def test_no_more_stays_bare_than_is_allowed(branches, allowed_m):
+    bare_m, thickest_m = np.array(branches).T
+    astray = choose_astray(bare_m, thickest_m, allowed_m)
+    assert bare_m[~astray].sum() <= allowed_m * (1 + 1e-9)
+    assert not astray[bare_m == 0].any()

@@ -39,6 +39,7 @@ ASTRAY_ROUNDS = 2  # of drawing otherwise what is bare, for others come to lie e
 AFLOAT_ROUNDS = 3
 AFLOAT_LEVELS = (1, 2)  # of division, at which pieces are looked at: as reports and validation do, and finer
 ASTRAY = 1.0  # radii of an axis without surface, from which on a branch is drawn otherwise
+BARE_SHARE = 0.0005  # of the length of all axes, that may be without surface: half of what anybody allows
 TOUCH_M = 0.5 * AFLOAT_M  # between points of thin branches and what they run into
 THIN_M = 0.015  # radius of branches that may be lost where it is not sure that they touch
 
@@ -335,13 +336,33 @@ def _beside_lost(before: ClosedBranches, after: ClosedBranches) -> NDArray[np.bo
 
 
 def find_astray(closed: ClosedBranches) -> NDArray[np.bool_]:
-    """(B,) branches that leave their parent elsewhere than their axes do, for want of room, and come back late."""
+    """(B,) branches that leave their parent elsewhere than their axes do, for want of room, and come back late.
+
+    Where more of all axes is bare than may be, the worst of the others are such branches too.
+    """
     skeleton, cage = closed.skeleton, closed.cage
     if not len(cage.faces):
         return np.zeros(len(skeleton), bool)
     # Subdivided once more, as it is drawn at least, edges are half as long.
     bare_m = bare_lengths(skeleton, *refine_smooth(cage.points_m, cage.faces, 1), edges=BARE_EDGES / 2)
-    return np.asarray(bare_m > ASTRAY * np.maximum.reduceat(skeleton.radius_m, skeleton.first))
+    thickest_m = np.maximum.reduceat(skeleton.radius_m, skeleton.first)
+    return choose_astray(bare_m, thickest_m, BARE_SHARE * float(skeleton.lengths_m.sum()))
+
+
+def choose_astray(bare_m: NDArray[np.float64], thickest_m: NDArray[np.float64], allowed_m: float) -> NDArray[np.bool_]:
+    """(B,) which branches are drawn otherwise, so that no more than what is allowed is left without surface.
+
+    Args:
+        bare_m: (B,), how much of each has no surface.
+        thickest_m: (B,), the greatest radius of each.
+        allowed_m: How much of all others may have none.
+    """
+    astray = bare_m > ASTRAY * thickest_m
+    others_m = np.where(astray, 0.0, bare_m)
+    order = np.argsort(others_m, kind="stable")
+    more = np.zeros(len(bare_m), bool)
+    more[order] = np.cumsum(others_m[order]) > allowed_m
+    return np.asarray(astray | (more & (others_m > 0)))
 
 
 def _faces_near(cage: BranchCage, mine: NDArray[np.bool_]) -> NDArray[np.int64]:
