@@ -52,7 +52,9 @@ def measure_wholeness(skeleton: Skeleton, points_m: NDArray[np.float64], faces: 
 def bare_lengths(
     skeleton: Skeleton, points_m: NDArray[np.float64], faces: NDArray[np.integer], edges: float = BARE_EDGES
 ) -> NDArray[np.float64]:
-    """(B,) how much of each axis is farther from the surface than it may be, and in no thicker branch; metres.
+    """(B,) how much of each axis is farther from the surface than it may be, and in no other branch that is thicker.
+
+    Metres.
 
     Args:
         skeleton: All branches; metres.
@@ -74,6 +76,7 @@ def bare_lengths(
     away_m, nearest = (np.asarray(each) for each in cKDTree(points_m[back]).query(places.points_m, workers=-1))
     off = away_m > np.maximum(BARE * places.radius_m, edges * edge_m[back[nearest]])
     own = np.flatnonzero(off)
+    curve = skeleton.curve[places.vertex]
     if len(own):  # within thicker wood nothing is to be seen
         size = np.floor(np.log2(places.radius_m))
         for each in np.unique(size):
@@ -82,8 +85,9 @@ def bare_lengths(
                 np.asarray(one) for one in cKDTree(places.points_m[some]).query(places.points_m[own], workers=-1)
             )
             thicker_m = places.radius_m[some[found]]
-            off[own[(apart_m < 1.1 * thicker_m) & (thicker_m > places.radius_m[own])]] = False
+            thicker = (thicker_m > places.radius_m[own]) & (curve[some[found]] != curve[own])
+            off[own[(apart_m < 1.1 * thicker_m) & thicker]] = False
     # Every place stands for as much of its segment as the others of it.
     ends_m = np.linalg.norm(skeleton.points_m[places.vertex + 1] - skeleton.points_m[places.vertex], axis=1)
     shares_m = ends_m / np.bincount(places.vertex)[places.vertex]
-    return np.bincount(skeleton.curve[places.vertex[off]], shares_m[off], len(skeleton)).astype(np.float64)
+    return np.bincount(curve[off], shares_m[off], len(skeleton)).astype(np.float64)

@@ -37,6 +37,7 @@ COARSER = (1.0, 1.5, 2.0, 3.0)  # times fewer rings of twigs
 SHORT_ROUNDS = 4  # of leaving out what ends inside its parent: others then leave from there
 ASTRAY_ROUNDS = 2  # of drawing otherwise what is bare, for others come to lie elsewhere then
 AFLOAT_ROUNDS = 3
+LOST_ROUNDS = 3  # of both: what was left out may have covered others
 AFLOAT_LEVELS = (1, 2)  # of division, at which pieces are looked at: as reports and validation do, and finer
 ASTRAY = 1.0  # radii of an axis without surface, from which on a branch is drawn otherwise
 BARE_SHARE = 0.0005  # of the length of all axes, that may be without surface: half of what anybody allows
@@ -51,6 +52,7 @@ class TwigChoice:
     is_twig: NDArray[np.bool_]  # (B,)
     gone: NDArray[np.bool_]  # (B,)
     twig_settings: TwigSettings
+    afloat: NDArray[np.bool_] | None = None  # (B,), those of what is left out that were beside the surface
     tried: NDArray[np.int64] | None = None  # (B,), how often forks were tried in a surface of much the same branches
 
 
@@ -92,28 +94,54 @@ def close_branches(
         choice, cage = _fit_faces(skeleton, thickness_m, max_faces, settings, exits, choice.tried)
     twig_m = float(thickness_m[choice.is_twig].max(initial=0))
     closed = _leave_out(skeleton, cage, choice, settings)
-    lost, first = find_afloat(closed, ~closed.is_twig), closed  # of twigs the rest is drawn otherwise first
-    for _ in range(ASTRAY_ROUNDS):
-        # As twigs they begin where they come out, or on the axes of their parents.
-        astray = find_astray(closed)
-        astray = np.append(astray | lost if closed is first else astray, False)[closed.number]
-        again = astray & (skeleton.parent_curve >= 0) & ~choice.is_twig
-        if not again.any():
+    choice = replace(choice, tried=cage.tries)
+    closed = _redraw_astray(skeleton, closed, choice, settings, exits)
+    return replace(closed, thickest_twig_m=twig_m)
+
+
+def _redraw_astray(
+    skeleton: Skeleton, closed: ClosedBranches, choice: TwigChoice, settings: BranchCageSettings, exits: Exits
+) -> ClosedBranches:
+    """Draw what is bare, or joined and afloat, as twigs, and leave out what is afloat then.
+
+    As twigs they begin where they come out, or on the axes of their parents. What is left out may have covered others.
+    """
+    lost = find_afloat(closed, ~closed.is_twig)  # of twigs the rest is drawn otherwise first
+    for _ in range(LOST_ROUNDS):
+        for _ in range(ASTRAY_ROUNDS):
+            astray = np.append(find_astray(closed) | lost, False)[closed.number]
+            again = astray & (skeleton.parent_curve >= 0) & ~choice.is_twig
+            if not again.any():
+                break
+            is_twig = _with_carried(skeleton, choice.is_twig | again)
+            choice = replace(choice, is_twig=is_twig & ~choice.gone)
+            cage = build_with_twigs(skeleton, choice, settings, exits)
+            choice = replace(choice, tried=cage.tries)
+            closed = _leave_out(skeleton, cage, choice, settings)
+            lost = np.zeros(len(closed.skeleton), bool)
+        drawn = closed
+        closed = _leave_afloat(drawn)
+        lost = np.zeros(len(closed.skeleton), bool)
+        if closed is drawn or not (find_astray(closed) & ~closed.is_twig)[closed.skeleton.parent_curve >= 0].any():
             break
-        is_twig = _with_carried(skeleton, choice.is_twig | again)
-        choice = replace(choice, is_twig=is_twig & ~choice.gone, tried=cage.tries)
-        cage = build_with_twigs(skeleton, choice, settings, exits)
-        closed = _leave_out(skeleton, cage, choice, settings)
+        afloat = (drawn.number >= 0) & (closed.number < 0)
+        afloat |= False if choice.afloat is None else choice.afloat
+        choice = replace(choice, is_twig=choice.is_twig & ~afloat, gone=choice.gone | afloat, afloat=afloat)
+    return closed
+
+
+def _leave_afloat(closed: ClosedBranches) -> ClosedBranches:
+    """Leave out what is afloat; the same where nothing is, or nothing would be left."""
     lost = find_afloat(closed)
     for _ in range(AFLOAT_ROUNDS):
         if not lost.any():
             break
         before = closed
         closed = _without(before, lost)
-        if closed is before:  # nothing would be left
+        if closed is before:
             break
         lost = find_afloat(closed, _beside_lost(before, closed))
-    return replace(closed, thickest_twig_m=twig_m)
+    return closed
 
 
 def _fit_faces(
@@ -222,6 +250,8 @@ def build_with_twigs(skeleton: Skeleton, choice: TwigChoice, settings: BranchCag
         tries[thick] = cage.tries
     reasons = {int(thick[each.curve]): each.reason for each in cage.dropped}
     reasons |= dict.fromkeys(np.flatnonzero(choice.gone).tolist(), DropReason.TOO_MANY)
+    if choice.afloat is not None:
+        reasons |= dict.fromkeys(np.flatnonzero(choice.afloat).tolist(), DropReason.AFLOAT)
     cage = replace(
         cage,
         curve=thick[cage.curve].astype(np.int32),
