@@ -14,6 +14,7 @@ AFLOAT_M = 0.002  # from all other pieces: what is nearer lets no light pass
 BARE = 2.0  # radii from an axis, within which there must be surface
 BARE_EDGES = 1.5  # or so many edges of the surface
 PLACES = 4  # on each segment, on average
+DENSEST = 16  # places that are added on an edge at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,17 +65,11 @@ def bare_lengths(
     """
     if not len(faces):
         return skeleton.lengths_m
-    used = np.zeros(len(points_m), bool)
-    used[faces] = True
-    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-    length_m = np.linalg.norm(points_m[ends[:, 0]] - points_m[ends[:, 1]], axis=1)
-    around = np.maximum(np.bincount(ends[:, 0], minlength=len(points_m)), 1)
-    edge_m = np.bincount(ends[:, 0], length_m, len(points_m)) / around
     step_m = max(float(skeleton.lengths_m.sum()) / (PLACES * len(skeleton.points_m)), 1e-9)
     places = place_on_axes(skeleton, step_m)
-    back = np.flatnonzero(used)
-    away_m, nearest = (np.asarray(each) for each in cKDTree(points_m[back]).query(places.points_m, workers=-1))
-    off = away_m > np.maximum(BARE * places.radius_m, edges * edge_m[back[nearest]])
+    surface_m, edge_m = _places_on_surface(points_m, faces)
+    away_m, nearest = (np.asarray(each) for each in cKDTree(surface_m).query(places.points_m, workers=-1))
+    off = away_m > np.maximum(BARE * places.radius_m, edges * edge_m[nearest])
     own = np.flatnonzero(off)
     curve = skeleton.curve[places.vertex]
     if len(own):  # within thicker wood nothing is to be seen
@@ -91,3 +86,33 @@ def bare_lengths(
     ends_m = np.linalg.norm(skeleton.points_m[places.vertex + 1] - skeleton.points_m[places.vertex], axis=1)
     shares_m = ends_m / np.bincount(places.vertex)[places.vertex]
     return np.bincount(curve[off], shares_m[off], len(skeleton)).astype(np.float64)
+
+
+def _places_on_surface(
+    points_m: NDArray[np.float64], faces: NDArray[np.integer]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners of faces, with places between them on edges that are long for the width of their face.
+
+    Of a thin branch whose faces are long, the axis is far from all corners.
+
+    Returns:
+        Places (N, 3), and the mean length of the edges there (N,).
+    """
+    following = np.roll(faces, -1, axis=1)
+    edges_m = points_m[following] - points_m[faces]
+    length_m = np.linalg.norm(edges_m, axis=2)
+    around = np.bincount(faces.ravel(), minlength=len(points_m))
+    mean_m = np.bincount(faces.ravel(), length_m.ravel(), len(points_m)) / np.maximum(around, 1)
+    width_m = length_m.min(axis=1)
+    added = np.minimum(length_m / np.maximum(2 * width_m, 1e-12)[:, None], DENSEST).astype(np.int64)
+    added[faces > following] = 0  # the other face of the edge has it too
+    face, corner = np.nonzero(added)
+    count = added[face, corner]
+    of = np.repeat(np.arange(len(count)), count)
+    share = (np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count) + 1) / (count[of] + 1)
+    begin, end = faces[face, corner], following[face, corner]
+    between_m = points_m[begin][of] + share[:, None] * edges_m[face, corner][of]
+    back = np.flatnonzero(around)
+    return np.concatenate([points_m[back], between_m]), np.concatenate(
+        [mean_m[back], (mean_m[begin] + mean_m[end])[of] / 2]
+    )

@@ -23,23 +23,26 @@ from usdfoliage.branch.cage.twigs import SIDES, TwigSettings, count_rows, draw_t
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.pruning import PrunedSkeleton, prune_branches
 from usdfoliage.branch.rooted_tree import RootedTree
-from usdfoliage.branch.whole_wood import AFLOAT_M, BARE_EDGES, bare_lengths
+from usdfoliage.branch.whole_wood import AFLOAT_M, bare_lengths
 from usdfoliage.geometry.mesh_pieces import label_pieces, measure_gaps
 from usdfoliage.geometry.smooth_mesh import refine_smooth
 
-FEWEST_JOINED = 55  # faces of a branch that is joined, with those on its parent
-EACH_JOINED = 200.0  # by so many a thick one has more than as a twig, before it is known
-FACES_OF_TWIG = 30  # likewise, that are fewer without a twig
-NEARLY = 0.9  # of the faces that there may be, which are enough
+JOINED_FACES = 36.0, 4.0  # of a branch, with those on its parent: at its fork, and times the rows that it asks for
+LEAN_FACES = 32.0, 3.0  # of a lean one
+
+FACES_OF_TWIG = 30  # that are fewer without a twig, before it is known
+NEARLY = 0.9  # of the faces that there may be, which are asked for
+ENOUGH = 0.8  # of them, which are enough
 ROUNDS = 3  # of choosing what is left out
 JOINING_ROUNDS = 2  # of choosing what is joined
 COARSER = (1.0, 1.5, 2.0, 3.0)  # times fewer rings of twigs
 SHORT_ROUNDS = 4  # of leaving out what ends inside its parent: others then leave from there
-ASTRAY_ROUNDS = 2  # of drawing otherwise what is bare, for others come to lie elsewhere then
+ASTRAY_ROUNDS = 3  # of drawing otherwise what is bare, for others come to lie elsewhere then
 AFLOAT_ROUNDS = 3
 LOST_ROUNDS = 3  # of both: what was left out may have covered others
 AFLOAT_LEVELS = (1, 2)  # of division, at which pieces are looked at: as reports and validation do, and finer
 ASTRAY = 1.0  # radii of an axis without surface, from which on a branch is drawn otherwise
+ASTRAY_EDGES = 0.5  # edges of the surface, once refined, that such an axis may be away from it
 BARE_SHARE = 0.0005  # of the length of all axes, that may be without surface: half of what anybody allows
 TOUCH_M = 0.5 * AFLOAT_M  # between points of thin branches and what they run into
 THIN_M = 0.015  # radius of branches that may be lost where it is not sure that they touch
@@ -53,6 +56,9 @@ class TwigChoice:
     gone: NDArray[np.bool_]  # (B,)
     twig_settings: TwigSettings
     afloat: NDArray[np.bool_] | None = None  # (B,), those of what is left out that were beside the surface
+    apart: NDArray[np.bool_] | None = (
+        None  # (B,), those of the others that are pieces of their own, with what they carry
+    )
     tried: NDArray[np.int64] | None = None  # (B,), how often forks were tried in a surface of much the same branches
 
 
@@ -84,7 +90,7 @@ def close_branches(
     exits = axis_exits(skeleton)
     none = np.zeros(len(skeleton), bool)
     choice = TwigChoice(is_twig=none, gone=none, twig_settings=TwigSettings())
-    fits = max_faces is None or len(skeleton) * FEWEST_JOINED <= max_faces
+    fits = max_faces is None or _joined_faces(skeleton, JOINED_FACES).sum() <= max_faces
     if fits:
         cage = build_with_twigs(skeleton, choice, settings, exits)
         fits = max_faces is None or len(cage.faces) <= max_faces
@@ -102,27 +108,34 @@ def close_branches(
 def _redraw_astray(
     skeleton: Skeleton, closed: ClosedBranches, choice: TwigChoice, settings: BranchCageSettings, exits: Exits
 ) -> ClosedBranches:
-    """Draw what is bare, or joined and afloat, as twigs, and leave out what is afloat then.
+    """Draw what is bare, or joined and afloat, otherwise, and leave out what is afloat then.
 
-    As twigs they begin where they come out, or on the axes of their parents. What is left out may have covered others.
+    What carries others becomes a piece of its own with them, at first; all else, and what is bare then as well, becomes
+    twigs. Both begin where their axes come out, or on those of their parents. What is left out may have covered others.
     """
+    carries = np.zeros(len(skeleton), bool)
+    carries[skeleton.parent_curve[skeleton.parent_curve >= 0]] = True
+    apart = np.zeros(len(skeleton), bool)
     lost = find_afloat(closed, ~closed.is_twig)  # of twigs the rest is drawn otherwise first
+    astray = find_astray(closed, late=True) | (lost & (closed.skeleton.parent_curve >= 0))
     for _ in range(LOST_ROUNDS):
         for _ in range(ASTRAY_ROUNDS):
-            astray = np.append(find_astray(closed) | lost, False)[closed.number]
-            again = astray & (skeleton.parent_curve >= 0) & ~choice.is_twig
+            again = np.append(astray, False)[closed.number] & ~choice.is_twig
             if not again.any():
                 break
-            is_twig = _with_carried(skeleton, choice.is_twig | again)
-            choice = replace(choice, is_twig=is_twig & ~choice.gone)
+            is_twig = _with_carried(skeleton, choice.is_twig | (again & (apart | ~carries)))
+            apart = apart | again
+            choice = replace(choice, is_twig=is_twig & ~choice.gone, apart=apart & ~is_twig)
             cage = build_with_twigs(skeleton, choice, settings, exits)
             choice = replace(choice, tried=cage.tries)
             closed = _leave_out(skeleton, cage, choice, settings)
-            lost = np.zeros(len(closed.skeleton), bool)
+            astray = find_astray(closed, late=False)
         drawn = closed
         closed = _leave_afloat(drawn)
-        lost = np.zeros(len(closed.skeleton), bool)
-        if closed is drawn or not (find_astray(closed) & ~closed.is_twig)[closed.skeleton.parent_curve >= 0].any():
+        if closed is drawn:
+            break
+        astray = find_astray(closed, late=False)
+        if not astray.any():
             break
         afloat = (drawn.number >= 0) & (closed.number < 0)
         afloat |= False if choice.afloat is None else choice.afloat
@@ -192,18 +205,18 @@ def _join_thickest(
 ) -> tuple[TwigChoice, BranchCage]:
     """Join the thickest branches for the faces that are left; fits has none that is joined, and comes back if none can
     be."""
-    each = EACH_JOINED
-    may = np.flatnonzero(skeleton.parent_curve >= 0)
-    ordered_m = np.sort(thickness_m[may])[::-1]
-    best, fewest = fits, len(fits[1].faces)
-    tried = fits[0].tried
+    may = skeleton.parent_curve >= 0
+    order = np.argsort(-thickness_m[may], kind="stable")
+    fewest = len(fits[1].faces)
+    more = _joined_faces(skeleton, LEAN_FACES) - np.bincount(fits[1].curve, minlength=len(skeleton))
+    more = np.cumsum(np.maximum(more[may][order], 1.0))  # faces, the thickest being joined up to each
+    best, tried, times = fits, fits[0].tried, 1.0
     for _ in range(JOINING_ROUNDS):
-        wanted = int((max_faces - fewest) * NEARLY / each)
-        if fewest >= NEARLY * max_faces or wanted <= 0 or not len(may):
+        wanted = int(np.searchsorted(times * more, NEARLY * max_faces - fewest))
+        if fewest >= NEARLY * max_faces or wanted <= 0 or not len(more):
             break
         # Of branches of one thickness all are twigs or none, so that what a twig carries is one.
-        thinnest_m = ordered_m[min(wanted, len(may)) - 1]
-        is_twig = (skeleton.parent_curve >= 0) & (thickness_m < thinnest_m)
+        is_twig = may & (thickness_m < thickness_m[may][order[min(wanted, len(more)) - 1]])
         choice = replace(fits[0], is_twig=is_twig, tried=tried)
         cage = build_with_twigs(skeleton, choice, settings, exits)
         tried = cage.tries
@@ -211,10 +224,15 @@ def _join_thickest(
         if len(cage.faces) <= max_faces:
             if len(cage.faces) > len(best[1].faces):
                 best = choice, cage
-            if joined == len(may) or len(cage.faces) >= NEARLY * max_faces:
+            if joined == len(more) or len(cage.faces) >= ENOUGH * max_faces:
                 break
-        each = max((len(cage.faces) - fewest) / joined, 1.0)
+        times = max(len(cage.faces) - fewest, 1) / more[joined - 1] if joined else 2 * times
     return best
+
+
+def _joined_faces(skeleton: Skeleton, faces: tuple[float, float]) -> NDArray[np.float64]:
+    """(B,) about how many faces branches have that are joined: at each fork, and times the rows that each asks for."""
+    return np.asarray(faces[0] + faces[1] * SIDES * count_rows(skeleton))
 
 
 def _thinnest_tips(
@@ -244,6 +262,9 @@ def build_with_twigs(skeleton: Skeleton, choice: TwigChoice, settings: BranchCag
     on_thick = chosen[marks.branch]
     marks = RingMarks(branch=number[marks.branch[on_thick]], arc_m=marks.arc_m[on_thick])
     known = None if choice.tried is None else _forget_tries(skeleton, choice.tried, chosen)
+    if choice.apart is not None:
+        known = np.zeros(len(skeleton), np.int64) if known is None else known
+        known[choice.apart] = ATTEMPTS
     cage = build_branch_cage(skeleton.only(chosen), settings, marks, None if known is None else known[thick])
     tries = np.zeros(len(skeleton), np.int64) if known is None else known
     if cage.tries is not None:
@@ -365,29 +386,35 @@ def _beside_lost(before: ClosedBranches, after: ClosedBranches) -> NDArray[np.bo
     return beside
 
 
-def find_astray(closed: ClosedBranches) -> NDArray[np.bool_]:
-    """(B,) branches that leave their parent elsewhere than their axes do, for want of room, and come back late.
+def find_astray(closed: ClosedBranches, *, late: bool) -> NDArray[np.bool_]:
+    """(B,) joined branches that leave their parent elsewhere than their axes do, for want of room.
 
-    Where more of all axes is bare than may be, the worst of the others are such branches too.
+    Args:
+        closed: Of B branches.
+        late: Whether those count that come back late, and not only as many as bring down what is bare of all.
     """
     skeleton, cage = closed.skeleton, closed.cage
-    if not len(cage.faces):
+    if not len(cage.faces) or closed.is_twig.all():
         return np.zeros(len(skeleton), bool)
-    # Subdivided once more, as it is drawn at least, edges are half as long.
-    bare_m = bare_lengths(skeleton, *refine_smooth(cage.points_m, cage.faces, 1), edges=BARE_EDGES / 2)
-    thickest_m = np.maximum.reduceat(skeleton.radius_m, skeleton.first)
-    return choose_astray(bare_m, thickest_m, BARE_SHARE * float(skeleton.lengths_m.sum()))
+    joined = ~closed.is_twig  # what they carry is joined as well, or a twig
+    used, corners = np.unique(cage.faces[joined[cage.curve]], return_inverse=True)
+    points_m, faces = refine_smooth(cage.points_m[used], corners.reshape(-1, 4).astype(np.int32), 1)
+    bare_m = np.zeros(len(skeleton))
+    bare_m[joined] = bare_lengths(skeleton.only(joined), points_m, faces, edges=ASTRAY_EDGES)
+    bare_m[skeleton.parent_curve < 0] = 0.0
+    most_m = ASTRAY * np.maximum.reduceat(skeleton.radius_m, skeleton.first) if late else np.full(len(skeleton), np.inf)
+    return choose_astray(bare_m, most_m, BARE_SHARE * float(skeleton.lengths_m.sum()))
 
 
-def choose_astray(bare_m: NDArray[np.float64], thickest_m: NDArray[np.float64], allowed_m: float) -> NDArray[np.bool_]:
+def choose_astray(bare_m: NDArray[np.float64], most_m: NDArray[np.float64], allowed_m: float) -> NDArray[np.bool_]:
     """(B,) which branches are drawn otherwise, so that no more than what is allowed is left without surface.
 
     Args:
         bare_m: (B,), how much of each has no surface.
-        thickest_m: (B,), the greatest radius of each.
+        most_m: (B,), how much of each may have none.
         allowed_m: How much of all others may have none.
     """
-    astray = bare_m > ASTRAY * thickest_m
+    astray = bare_m > most_m
     others_m = np.where(astray, 0.0, bare_m)
     order = np.argsort(others_m, kind="stable")
     more = np.zeros(len(bare_m), bool)
@@ -396,16 +423,19 @@ def choose_astray(bare_m: NDArray[np.float64], thickest_m: NDArray[np.float64], 
 
 
 def _faces_near(cage: BranchCage, mine: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Faces (F,) that are mine, those within their own size of them, and what touches these."""
+    """Faces (F,) that are mine, those within the size of both of them, and what touches these."""
     corners_m = cage.points_m[cage.faces]
     middle_m = corners_m.mean(axis=1)
     size_m = np.linalg.norm(corners_m - middle_m[:, None], axis=2).max(axis=1)
-    places_m = np.concatenate([middle_m[mine], corners_m[mine].reshape(-1, 3)])
-    own_m = np.concatenate([size_m[mine], np.repeat(size_m[mine], 4)])
-    reach_m = 2 * float(size_m.max()) + float(own_m.max())
-    found = cKDTree(places_m).query(middle_m, distance_upper_bound=reach_m, workers=-1)
-    away_m, nearest = (np.asarray(each) for each in found)
-    near = mine | (away_m < 2 * size_m + np.append(own_m, 0.0)[nearest])
+    near = mine.copy()
+    classes = np.ceil(np.log2(np.maximum(size_m, 1e-9)))
+    for own in np.unique(classes[mine]):
+        tree = cKDTree(middle_m[mine & (classes == own)])
+        for other in np.unique(classes[~near]):
+            some = np.flatnonzero(~near & (classes == other))
+            reach_m = 2 * 2.0**own + 2 * 2.0**other
+            found = np.asarray(tree.query(middle_m[some], distance_upper_bound=reach_m, workers=-1)[0])
+            near[some[np.isfinite(found)]] = True
     touched = np.zeros(len(cage.points_m), bool)
     touched[cage.faces[near]] = True
     return np.flatnonzero(touched[cage.faces].any(axis=1))

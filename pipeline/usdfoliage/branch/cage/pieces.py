@@ -190,6 +190,7 @@ def _leaving_arc(
     it never stands out of it by MIN_STUB."""
     step_m = _STEP * float(radius_m.mean())
     edges = np.concatenate([np.arange(skeleton.first[k], skeleton.first[k] + skeleton.counts[k] - 1) for k in chain])
+    edges = edges[_near_edges(skeleton, edges, points_m)]
     ends = np.stack([edges, edges + 1], axis=1).reshape(-1)
     segments = Skeleton(
         points_m=skeleton.points_m[ends],
@@ -217,3 +218,15 @@ def _leaving_arc(
             # The last place inside before it stays outside; none inside: it begins where its parent has no surface.
             return float(at_m[min(int(inside[-1]) + 1, len(at_m) - 1)]) if len(inside) else 0.0
     return float(at_m[through[0]]) if len(through) else float(at_m[-1])
+
+
+def _near_edges(skeleton: Skeleton, edges: NDArray[np.int64], points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(E,) segments of axes in whose wood a place of a polyline (n, 3) may be, by spheres; the nearest is one."""
+    begin_m, end_m = skeleton.points_m[edges], skeleton.points_m[edges + 1]
+    middle_m = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
+    reach_m = np.linalg.norm(points_m - middle_m, axis=1).max()
+    reach_m += 2 * float(np.maximum(skeleton.radius_m[edges], skeleton.radius_m[edges + 1]).max())
+    away_m = np.linalg.norm((begin_m + end_m) / 2 - middle_m, axis=1) - np.linalg.norm(end_m - begin_m, axis=1) / 2
+    near = away_m <= reach_m
+    near[np.argmin(away_m)] = True
+    return np.asarray(near)
