@@ -233,8 +233,8 @@ def test_of_what_is_afloat_only_the_branches_that_are_asked_for_are_found():
 
 def test_the_worst_of_what_is_bare_is_drawn_otherwise():
     most_m = np.full(4, 0.1)
-    assert choose_astray(np.array([0.2, 0, 0.01, 0.02]), most_m, 0.03).tolist() == [True, False, False, False]
-    assert choose_astray(np.array([0.2, 0, 0.01, 0.02]), most_m, 0.02).tolist() == [True, False, False, True]
+    assert choose_astray(np.array([0.2, 0, 0.005, 0.02]), most_m, 0.03).tolist() == [True, False, False, False]
+    assert choose_astray(np.array([0.2, 0, 0.005, 0.02]), most_m, 0.02).tolist() == [True, False, False, True]
 
 
 @given(

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from usdfoliage.branch.cage.bending import ease_bends
 from usdfoliage.branch.cage.exits import find_exits
-from usdfoliage.branch.cage.settle import TOGETHER, find_beside, settle, take_around
+from usdfoliage.branch.cage.settings import BranchCageSettings
+from usdfoliage.branch.cage.settle import ATTEMPTS, TOGETHER, find_beside, settle, take_around
 from usdfoliage.branch.cage.tubes import arcs_along, find_paths, pack_paths
 
 from tests.support.branch_shapes import plant_of, random_tree
@@ -67,8 +68,8 @@ def test_what_may_not_move_stays():
         ease_bends(paths)
     before = [path.points_m for path in fixed]
     tries = np.zeros(len(plant), np.int64)
-    settle(moved, tries, 0.2, {})
-    settle(fixed, tries, 0.2, {}, np.zeros(len(plant), bool))
+    settle(moved, tries, BranchCageSettings(), {})
+    settle(fixed, tries, BranchCageSettings(), {}, np.zeros(len(plant), bool))
     assert all(np.array_equal(path.points_m, points) for path, points in zip(fixed, before, strict=True))
     assert not all(np.array_equal(path.points_m, points) for path, points in zip(moved, before, strict=True))
 
@@ -83,3 +84,21 @@ def test_an_axis_that_changed_is_eased_again():
     paths[0].points_m, paths[0].eased = zigzag, False
     ease_bends(paths)
     assert len(paths[0].points_m) < straight
+
+
+def test_a_branch_that_would_move_too_far_leaves_no_hole():
+    """Twelve at one place: there is room for six of them round the trunk at the most."""
+    twig = np.array([[0, 1.0, 0], [0.6, 1.0, 0]])
+    plant = plant_of((TRUNK, 0.05, None, 0), *(((twig, 0.02, 0, 10),) * 12))
+    for farthest in (np.inf, 1.5):
+        paths, tries = find_paths(plant)[0], np.zeros(len(plant), np.int64)
+        ease_bends(paths)
+        exits, _, holes = settle(paths, tries, BranchCageSettings(farthest=farthest), {})
+        moved_m = np.array([np.linalg.norm(paths[exits.tube[each]].points_m[0] - twig[0]) for each in holes.exit])
+        if farthest == np.inf:
+            assert len(holes.exit) == 12
+            assert moved_m.max() > 0.1
+        else:
+            assert 0 < len(holes.exit) <= 6
+            assert moved_m.max() <= farthest * 0.02 + 1e-9
+            assert (tries == ATTEMPTS).sum() == 12 - len(holes.exit)

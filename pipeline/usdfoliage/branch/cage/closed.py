@@ -30,13 +30,15 @@ from usdfoliage.geometry.smooth_mesh import refine_smooth
 JOINED_FACES = 36.0, 4.0  # of a branch, with those on its parent: at its fork, and times the rows that it asks for
 LEAN_FACES = 32.0, 3.0  # of a lean one
 
+SURELY = 0.9  # times as many fewer faces as the last tips gave, from the next ones
 FACES_OF_TWIG = 30  # that are fewer without a twig, before it is known
-NEARLY = 0.9  # of the faces that there may be, which are asked for
-ENOUGH = 0.8  # of them, which are enough
+NEARLY = 0.5  # of the faces that there may be, up to which the thickest are joined: with more no face is free for twigs
+ENOUGH = 0.4  # of them, which are enough
 ROUNDS = 3  # of choosing what is left out
 JOINING_ROUNDS = 2  # of choosing what is joined
 COARSER = (1.0, 1.5, 2.0, 3.0)  # times fewer rings of twigs
 SHORT_ROUNDS = 4  # of leaving out what ends inside its parent: others then leave from there
+MANY = 10  # branches that one carries, with itself, from which on it is not made a twig for the want of a fork
 ASTRAY_ROUNDS = 3  # of drawing otherwise what is bare, for others come to lie elsewhere then
 AFLOAT_ROUNDS = 3
 LOST_ROUNDS = 3  # of both: what was left out may have covered others
@@ -44,8 +46,10 @@ AFLOAT_LEVELS = (1, 2)  # of division, at which pieces are looked at: as reports
 ASTRAY = 1.0  # radii of an axis without surface, from which on a branch is drawn otherwise
 ASTRAY_EDGES = 0.5  # edges of the surface, once refined, that such an axis may be away from it
 BARE_SHARE = 0.0005  # of the length of all axes, that may be without surface: half of what anybody allows
+MARGIN = 0.3  # of that, which is left where there is more: others become bare by what is changed
 TOUCH_M = 0.5 * AFLOAT_M  # between points of thin branches and what they run into
 THIN_M = 0.015  # radius of branches that may be lost where it is not sure that they touch
+DOUBTFUL_M = 0.05  # of those that are drawn otherwise where it is not
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,11 +117,12 @@ def _redraw_astray(
     What carries others becomes a piece of its own with them, at first; all else, and what is bare then as well, becomes
     twigs. Both begin where their axes come out, or on those of their parents. What is left out may have covered others.
     """
-    carries = np.zeros(len(skeleton), bool)
-    carries[skeleton.parent_curve[skeleton.parent_curve >= 0]] = True
+    carries = RootedTree(skeleton.parent_curve).sum_above(np.ones(len(skeleton))) > MANY
     apart = np.zeros(len(skeleton), bool)
-    lost = find_afloat(closed, ~closed.is_twig)  # of twigs the rest is drawn otherwise first
-    astray = find_astray(closed, late=True) | (lost & (closed.skeleton.parent_curve >= 0))
+    astray = find_astray(closed, late=True)
+    loose = np.zeros(len(closed.skeleton), bool)
+    loose[list(closed.cage.loose)] = True
+    astray |= loose & ~carries[closed.number >= 0]  # drawn out of a face a twig is joined
     for _ in range(LOST_ROUNDS):
         for _ in range(ASTRAY_ROUNDS):
             again = np.append(astray, False)[closed.number] & ~choice.is_twig
@@ -126,26 +131,42 @@ def _redraw_astray(
             is_twig = _with_carried(skeleton, choice.is_twig | (again & (apart | ~carries)))
             apart = apart | again
             choice = replace(choice, is_twig=is_twig & ~choice.gone, apart=apart & ~is_twig)
-            cage = build_with_twigs(skeleton, choice, settings, exits)
-            choice = replace(choice, tried=cage.tries)
-            closed = _leave_out(skeleton, cage, choice, settings)
+            closed, choice = _draw(skeleton, choice, settings, exits)
             astray = find_astray(closed, late=False)
+        afloat = find_afloat(closed, doubtful_m=DOUBTFUL_M)
+        again = np.append(afloat & (closed.skeleton.parent_curve >= 0), False)[closed.number] & ~choice.is_twig
+        if again.any():
+            is_twig = _with_carried(skeleton, choice.is_twig | again)
+            choice = replace(choice, is_twig=is_twig & ~choice.gone, apart=apart & ~is_twig)
+            closed, choice = _draw(skeleton, choice, settings, exits)
+            afloat = np.ones(len(closed.skeleton), bool)
         drawn = closed
-        closed = _leave_afloat(drawn)
+        closed = _leave_afloat(drawn, afloat)
         if closed is drawn:
             break
         astray = find_astray(closed, late=False)
         if not astray.any():
             break
-        afloat = (drawn.number >= 0) & (closed.number < 0)
-        afloat |= False if choice.afloat is None else choice.afloat
-        choice = replace(choice, is_twig=choice.is_twig & ~afloat, gone=choice.gone | afloat, afloat=afloat)
+        left_out = (drawn.number >= 0) & (closed.number < 0)
+        left_out |= False if choice.afloat is None else choice.afloat
+        choice = replace(choice, is_twig=choice.is_twig & ~left_out, gone=choice.gone | left_out, afloat=left_out)
     return closed
 
 
-def _leave_afloat(closed: ClosedBranches) -> ClosedBranches:
-    """Leave out what is afloat; the same where nothing is, or nothing would be left."""
-    lost = find_afloat(closed)
+def _draw(
+    skeleton: Skeleton, choice: TwigChoice, settings: BranchCageSettings, exits: Exits
+) -> tuple[ClosedBranches, TwigChoice]:
+    """The surface of a choice, and the choice with what it showed of the forks."""
+    cage = build_with_twigs(skeleton, choice, settings, exits)
+    return _leave_out(skeleton, cage, choice, settings), replace(choice, tried=cage.tries)
+
+
+def _leave_afloat(closed: ClosedBranches, among: NDArray[np.bool_]) -> ClosedBranches:
+    """Leave out what is afloat among branches (B,) and what is near; the same where nothing is, or nothing would be
+    left."""
+    if not among.any():
+        return closed
+    lost = find_afloat(closed, among)
     for _ in range(AFLOAT_ROUNDS):
         if not lost.any():
             break
@@ -191,7 +212,7 @@ def _fit_faces(
         cage = build_with_twigs(skeleton, choice, settings, exits)
         if len(cage.faces) <= max_faces:
             break
-        each = max((before[0] - len(cage.faces)) / max(int(gone.sum()) - before[1], 1) * NEARLY, 1.0)
+        each = max((before[0] - len(cage.faces)) / max(int(gone.sum()) - before[1], 1) * SURELY, 1.0)
     return choice, cage
 
 
@@ -339,12 +360,18 @@ def _carry_exits(exits: Exits, skeleton: Skeleton, pruned: PrunedSkeleton, kept:
     )
 
 
-def find_afloat(closed: ClosedBranches, among: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+def find_afloat(
+    closed: ClosedBranches, among: NDArray[np.bool_] | None = None, doubtful_m: float = THIN_M
+) -> NDArray[np.bool_]:
     """(B,) branches whose piece of the surface neither has a root nor runs into another piece.
 
     Of thin branches it is not enough that the two go through each other: points of the one must be near the other, as
-    in any drawing of the two that is not very fine. Where among (B,) is given, pieces are looked at that have a face of
-    one of these.
+    in any drawing of the two that is not very fine.
+
+    Args:
+        closed: Of B branches.
+        among: (B,), pieces are looked at that have a face of one of these; all where it is not given.
+        doubtful_m: Radius up to which branches are thin.
     """
     skeleton, cage = closed.skeleton, closed.cage
     lost = np.zeros(len(skeleton), bool)
@@ -362,7 +389,7 @@ def find_afloat(closed: ClosedBranches, among: NDArray[np.bool_] | None = None) 
     used, corners = np.unique(cage.faces[near], return_inverse=True)
     thickest_m = np.zeros(count)
     np.maximum.at(thickest_m, of_face, np.maximum.reduceat(skeleton.radius_m, skeleton.first)[cage.curve])
-    thin = asked[thickest_m[asked] < THIN_M]
+    thin = asked[thickest_m[asked] < doubtful_m]
     afloat = np.zeros(count, bool)
     for levels in AFLOAT_LEVELS:
         points_m, faces = refine_smooth(cage.points_m[used], corners.reshape(-1, 4), levels)
@@ -417,8 +444,9 @@ def choose_astray(bare_m: NDArray[np.float64], most_m: NDArray[np.float64], allo
     astray = bare_m > most_m
     others_m = np.where(astray, 0.0, bare_m)
     order = np.argsort(others_m, kind="stable")
+    summed_m = np.cumsum(others_m[order])
     more = np.zeros(len(bare_m), bool)
-    more[order] = np.cumsum(others_m[order]) > allowed_m
+    more[order] = (summed_m > MARGIN * allowed_m) & (summed_m[-1] > allowed_m)
     return np.asarray(astray | (more & (others_m > 0)))
 
 

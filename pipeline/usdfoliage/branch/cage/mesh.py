@@ -59,7 +59,7 @@ def build_paths(
         moving: (B,) branches that may be bent to where their holes are; all where it is not given.
         marks: Where rings are wanted.
     """
-    exits, tubes, holes = settle(paths, tries, settings.clearance, dropped, moving)
+    exits, tubes, holes = settle(paths, tries, settings, dropped, moving)
     alive = tubes.parent < 0
     child = exits.tube[holes.exit]
     alive[child] = True

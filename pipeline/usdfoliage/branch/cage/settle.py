@@ -10,6 +10,7 @@ from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.exits import Exits, find_exits
 from usdfoliage.branch.cage.holes import Holes, place_holes
 from usdfoliage.branch.cage.rings import SHOULDER
+from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.tubes import Floats, Ints, Path, Tubes, arcs_along, pack_paths
 
 NEAR_ENOUGH = 0.2  # of a radius: a hole this far from where its axis comes out needs no bend
@@ -23,7 +24,7 @@ ATTEMPTS = 8  # at a fork that crosses, before its branch is dropped
 def settle(
     paths: list[Path],
     tries: Ints,
-    clearance: float,
+    settings: BranchCageSettings,
     dropped: dict[int, DropReason],
     moving: NDArray[np.bool_] | None = None,
 ) -> tuple[Exits, Tubes, Holes]:
@@ -31,28 +32,33 @@ def settle(
 
     Args:
         paths: The axes; they change in place.
-        tries: (B,) how often each branch of the skeleton was tried already.
-        clearance: In radii, between a parent and the first ring of a branch.
+        tries: (B,) how often each branch of the skeleton was tried already; of one whose hole would be too far from
+            where its axis comes out it becomes ATTEMPTS.
+        settings: How far branches are from their parents, and how far they are moved.
         dropped: Takes the branches that end inside their parents.
         moving: (B,) branches that may be bent to where their holes are; all where it is not given.
     """
     if (tries >= STRAIGHT).any():
-        tubes, exits = _leave_parents(paths, tries, clearance, dropped)
+        tubes, exits = _leave_parents(paths, tries, settings.clearance, dropped)
         stubborn = np.flatnonzero(tries[leading(tubes, exits)] >= STRAIGHT)
         free_m = exits.free_arc_m[stubborn].tolist()
         straighten_starts(paths, dict(zip(exits.tube[stubborn].tolist(), free_m, strict=True)))
-    for last in (False, False, True):
-        tubes, exits = _leave_parents(paths, tries, clearance, dropped)
+    for last in (False, False, False, True) if settings.farthest < np.inf else (False, False, True):
+        tubes, exits = _leave_parents(paths, tries, settings.clearance, dropped)
         again = tries[leading(tubes, exits)]
         start_m: Floats = SHOULDER * tubes.radius_m[tubes.first]  # of roots, whose feet are rounded
         start_m[exits.tube] = exits.free_arc_m
         scale: Floats = SMALLER ** again.astype(np.float64)
         holes = place_holes(tubes, exits, start_m, again < ATTEMPTS, scale)
         slid_m = holes.arc_m - exits.hole_arc_m[holes.exit]
+        astray = np.abs(slid_m) * exits.sine[holes.exit] > settings.farthest * exits.radius_m[holes.exit]
+        if not last:
+            tries[leading(tubes, exits)[holes.exit[astray]]] = ATTEMPTS
         far = np.abs(slid_m) > NEAR_ENOUGH * np.minimum(exits.parent_radius_m, 2 * exits.radius_m)[holes.exit]
+        far &= ~astray
         if moving is not None:
             far &= moving[leading(tubes, exits)[holes.exit]]
-        if last or not far.any():
+        if last or not (far.any() or astray.any()):
             break
         along_m = np.zeros(len(tubes))
         along_m[exits.tube[holes.exit[far]]] = slid_m[far]

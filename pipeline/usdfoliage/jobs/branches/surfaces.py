@@ -15,8 +15,9 @@ from usdfoliage.remarks import Remark, Setting, remark
 FACES_A_POINT = 6  # of a cloud, that the surface of its branches may have
 MIN_FACES, MAX_FACES = 30_000, 400_000
 MIN_MAX_FACES = 1000  # that may be asked for
-CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0)  # bends are those of points that were measured
-_FINER = BranchCageSettings(axis_tolerance=0.01, longest_row=2.0)  # where that takes few faces
+# Bends are those of points that were measured, and branches stay where they were.
+CAGE = BranchCageSettings(axis_tolerance=0.1, longest_row=40.0, farthest=3.0)
+_FINER = BranchCageSettings(axis_tolerance=0.01, longest_row=2.0, farthest=3.0)  # where that takes few faces
 _FEW = 0.25  # of the faces that a surface may have
 _COARSER_ORDERS = (1, 2)  # variants of the surface
 
