@@ -1307,6 +1307,11 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="Plants were seen or drawn, and not planted. The remark names the reason.",
                 action="Change the rules of `plants.toml` or the vegetation where they are wrong.",
             ),
+            "vegetation-found": RemarkKind(
+                severity="info",
+                meaning="Where trees, shrubs and grass are was found in the orthophoto and the canopy height.",
+                action="Give `--vegetation` where it is known, or `--no-find-vegetation` for trees alone.",
+            ),
             "class-without-plants": RemarkKind(
                 severity="info",
                 meaning="There is ground of a class for which `plants.toml` has no row. It stays empty.",

@@ -64,6 +64,21 @@ def test_the_orthophoto_alone_gives_trees_and_their_heights_by_their_form():
     assert ((planted.height_m >= 5) & (planted.height_m <= 14)).all()
 
 
+def test_grass_is_found_where_no_raster_of_classes_is_given():
+    given = scene_input(vegetation=None)
+    grass = next((row for row in given.plants.rows if row.kind == PlantKind.GRASS), None)
+    assert grass is not None
+    found, without = (plant_forest(given, PlantingSettings(find_classes=each)) for each in (True, False))
+    assert found.found_shares[PlantKind.TREE] > 0.05
+    assert found.found_shares[PlantKind.GRASS] > 0.05
+    assert not without.found_shares
+    kinds = np.array([row.kind for row in given.plants.rows])
+    assert (kinds[found.row] == PlantKind.GRASS).any()
+    assert not (kinds[without.row] == PlantKind.GRASS).any()
+    trees = [planted.ground_m[kinds[planted.row] == PlantKind.TREE] for planted in (found, without)]
+    np.testing.assert_allclose(*trees)
+
+
 def test_a_class_alone_is_planted_by_its_density():
     given = scene_input(canopy=None, orthophoto=None)
     planted = plant_forest(given, PlantingSettings(trees_per_ha=400))

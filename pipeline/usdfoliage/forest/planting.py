@@ -1,7 +1,7 @@
 """Where the plants of a forest stand: trees as they are seen from above, the rest drawn in its class."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,13 @@ from usdfoliage.forest.raster import Raster, is_inside, pixel_grid, sample_neare
 from usdfoliage.forest.species import SeenTrees, assign_species
 from usdfoliage.forest.terrain import Terrain, ground_height, is_known, slope_deg
 from usdfoliage.forest.tree_tops import TreeTops, TreeTopSettings, find_tops_of_canopy, find_tops_of_photo
+from usdfoliage.forest.vegetation_classes import (
+    VegetationClasses,
+    are_rough,
+    find_classes,
+    find_covered,
+    find_hidden_trees,
+)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -37,6 +44,7 @@ class PlantingSettings:
     trees_per_ha: float = 300.0  # where trees are, and nothing shows them singly
     shrub_spacing: float = 1.2  # widths of a shrub, from one to the next
     grass_spacing: float = 1.5  # widths of a tuft, likewise
+    find_classes: bool = True  # whether the pictures show where plants are, if no raster of classes does
     max_ground_cover: int = 100_000  # shrubs and tufts of grass in all; fewer, evenly, where there would be more
     patch_m: float = 25.0  # diameter of patches of one species, where nothing but the share decides
     lean_deg: float = 2.0  # standard deviation of how far plants lean
@@ -86,6 +94,7 @@ class Planting:
     seen: NDArray[np.bool_]  # (N,) whether a picture shows it singly
     not_planted: Mapping[str, int]  # by reason, how many
     empty_kinds: tuple[PlantKind, ...]  # of which there is ground, and no row
+    found_shares: Mapping[PlantKind, float] = field(default_factory=dict)  # of the ground, where classes were found
 
     def __len__(self) -> int:
         return len(self.row)
@@ -110,9 +119,15 @@ def plant_forest(given: ForestInput, settings: PlantingSettings = PlantingSettin
         settings: How.
     """
     refused: dict[str, int] = {}
-    trees = _find_trees(given, settings, refused)
+    found = find_classes(given.orthophoto, given.canopy) if settings.find_classes and not given.vegetation else None
+    covered = given if found is None else replace(given, vegetation=_as_codes(found, given.plants.classes))
+    # Trees of an orthophoto alone may have colours that no lawn has.
+    trees = _find_trees(given if given.canopy is None else covered, settings, refused)
+    if found is not None and given.canopy is None:
+        under = find_covered(found.grid, found.grass, trees.ground_m, trees.radius_m)
+        covered = replace(given, vegetation=_as_codes(replace(found, grass=found.grass & ~under), given.plants.classes))
     cover = [
-        _cover(given, kind, settings, seed)
+        _cover(covered, kind, settings, seed)
         for kind, seed in ((PlantKind.SHRUB, SHRUB_SEED), (PlantKind.GRASS, GRASS_SEED))
     ]
     total = sum(len(each.ground_m) for each in cover)
@@ -123,7 +138,7 @@ def plant_forest(given: ForestInput, settings: PlantingSettings = PlantingSettin
         cover = [_only(each, np.arange(len(each.ground_m)) < int(share * len(each.ground_m))) for each in cover]
     empty = []
     parts = []
-    for some in (trees, *cover):
+    for some in (trees, *_hidden_trees(given, found, trees, settings), *cover):
         rows = [number for number, row in enumerate(given.plants.rows) if row.kind == some.kind]
         if not rows:
             if len(some.ground_m) or _has_ground(given, some.kind):
@@ -133,7 +148,25 @@ def plant_forest(given: ForestInput, settings: PlantingSettings = PlantingSettin
         if (~known).any():
             refused["no height of the ground"] = refused.get("no height of the ground", 0) + int((~known).sum())
         parts.append(_decide(given, _only(some, known), rows, settings, refused))
-    return _together(parts, refused, tuple(empty), settings)
+    planting = _together(parts, refused, tuple(empty), settings)
+    return planting if found is None else replace(planting, found_shares=_shares(found))
+
+
+def _as_codes(found: VegetationClasses, classes: Mapping[int, PlantKind | None]) -> Raster:
+    """Masks as a raster of codes; a class that no code stands for has none."""
+    codes = np.full(found.tree.shape, -1.0)
+    for mask, kind in _masks(found):
+        code = min((code for code, each in classes.items() if each == kind), default=-1)
+        codes[mask] = code
+    return Raster(values=codes, ground_from_pixel=found.grid.ground_from_pixel, crs=found.grid.crs)
+
+
+def _shares(found: VegetationClasses) -> dict[PlantKind, float]:
+    return {kind: float(mask.mean()) for mask, kind in _masks(found)}
+
+
+def _masks(found: VegetationClasses) -> tuple[tuple[NDArray[np.bool_], PlantKind], ...]:
+    return (found.tree, PlantKind.TREE), (found.shrub, PlantKind.SHRUB), (found.grass, PlantKind.GRASS)
 
 
 def _find_trees(given: ForestInput, settings: PlantingSettings, refused: dict[str, int]) -> _Some:
@@ -146,6 +179,11 @@ def _find_trees(given: ForestInput, settings: PlantingSettings, refused: dict[st
         tops = find_tops_of_canopy(given.canopy, settings.tree_tops)
     elif given.orthophoto is not None:
         tops = find_tops_of_photo(crown_contrast(given.orthophoto), settings.tree_tops)
+        if settings.find_classes and len(tops.ground_m):
+            rough = are_rough(given.orthophoto, tops.ground_m, tops.radius_m)
+            if (~rough).any():
+                refused["as smooth as a lawn"] = int((~rough).sum())
+            tops = TreeTops(**{each.name: getattr(tops, each.name)[rough] for each in fields(tops)})
     elif is_tree is not None:
         cells_m, cell_m = _cells(given.vegetation, is_tree)
         rng = np.random.default_rng([settings.seed, TREE_SEED])
@@ -170,6 +208,23 @@ def _find_trees(given: ForestInput, settings: PlantingSettings, refused: dict[st
         _Some(kind=PlantKind.TREE, ground_m=ground_m, height_m=tops.height_m, radius_m=tops.radius_m, seen=seen),
         stays,
     )
+
+
+def _hidden_trees(
+    given: ForestInput, found: VegetationClasses | None, trees: _Some, settings: PlantingSettings
+) -> list[_Some]:
+    """Trees where an orthophoto alone shows wood, and no crown singly: drawn as wide as those of the rows are."""
+    rows = [row for row in given.plants.rows if row.kind == PlantKind.TREE]
+    if found is None or given.canopy is not None or given.trunks_m is not None or not rows:
+        return []
+    mask = find_hidden_trees(found, trees.ground_m, trees.radius_m)
+    cells_m, cell_m = _cells(found.grid, mask)
+    rng = np.random.default_rng([settings.seed, TREE_SEED])
+    spacing_m = max(2 * _typical_radius(rows, PlantKind.TREE), float(np.sqrt(1e4 / settings.trees_per_ha)) * SPACING)
+    places_m = scatter_blue_noise(cells_m, cell_m, spacing_m, rng)
+    places_m = places_m[is_inside(given.terrain.heights, places_m)]
+    unknown = np.full(len(places_m), np.nan)
+    return [_Some(kind=PlantKind.TREE, ground_m=places_m, height_m=unknown, radius_m=unknown, seen=False)]
 
 
 def _at_trunks(given: ForestInput, settings: PlantingSettings) -> TreeTops:
@@ -278,7 +333,7 @@ def _decide(
         ground_m=some.ground_m,
         height_m=some.height_m,
         radius_m=some.radius_m,
-        color=color if some.seen else np.full_like(color, np.nan),
+        color=color if some.kind == PlantKind.TREE else np.full_like(color, np.nan),
     )
     row = assign_species(trees, chosen, allowed, settings.seed + rows[0], settings.patch_m)
     stays = row >= 0

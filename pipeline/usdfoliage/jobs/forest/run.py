@@ -235,6 +235,10 @@ def describe_planting(planting: Planting) -> list[Remark]:
     remarks = []
     for reason, count in sorted(planting.not_planted.items()):
         remarks.append(remark("plants-left-out", f"{count:,} plants are left out: {reason}"))
+    if planting.found_shares:
+        shares = ", ".join(f"{kind} {share:.0%}" for kind, share in planting.found_shares.items())
+        text = f"no raster of vegetation is given; found in the pictures, of the ground: {shares}"
+        remarks.append(remark("vegetation-found", text))
     for kind in planting.empty_kinds:
         text = f"there is ground of the class {kind}, and plants.toml has no row of that kind: it stays empty"
         remarks.append(remark("class-without-plants", text, subject=str(kind)))
@@ -281,6 +285,7 @@ def describe_settings(request: ForestRequest) -> Mapping[str, str]:
         "seed": str(planting.seed),
         "crown-radius": f"{low_m:g} {high_m:g}",
         "trees-per-ha": f"{planting.trees_per_ha:g}",
+        "find-vegetation": "yes" if planting.find_classes else "no",
         "max-ground-cover": str(planting.max_ground_cover),
         "lod-distance": "{:g} {:g}".format(*request.lod_distance_m),
         "max-terrain-quads": str(request.max_terrain_quads),
