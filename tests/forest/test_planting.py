@@ -65,18 +65,25 @@ def test_the_orthophoto_alone_gives_trees_and_their_heights_by_their_form():
 
 
 def test_grass_is_found_where_no_raster_of_classes_is_given():
-    given = scene_input(vegetation=None)
-    grass = next((row for row in given.plants.rows if row.kind == PlantKind.GRASS), None)
-    assert grass is not None
+    scene = forest_scene()
+    color = scene.orthophoto.values.copy()
+    color[scene.canopy.values == 0] = (0.1, 0.2, 0.04)
+    road = (scene.canopy.values == 0) & (np.arange(len(color)) < 40)
+    color[road] = 0.25
+    grass = PlantRow(
+        species="fescue", kind=PlantKind.GRASS, asset=Path("x"), share=1.0, height_m=(0.3, 0.6), color=None, form=None
+    )
+    given = scene_input(vegetation=None, plants=plants(grass), orthophoto=replace(scene.orthophoto, values=color))
     found, without = (plant_forest(given, PlantingSettings(find_classes=each)) for each in (True, False))
-    assert found.found_shares[PlantKind.TREE] > 0.05
-    assert found.found_shares[PlantKind.GRASS] > 0.05
+    assert found.found_shares[PlantKind.TREE] == pytest.approx((scene.canopy.values >= 2).mean(), abs=0.02)
+    assert found.found_shares[PlantKind.GRASS] > 0.3
     assert not without.found_shares
     kinds = np.array([row.kind for row in given.plants.rows])
-    assert (kinds[found.row] == PlantKind.GRASS).any()
+    is_grass = kinds[found.row] == PlantKind.GRASS
+    assert is_grass.sum() > 100
+    assert (found.ground_m[is_grass, 0] > ORIGIN_M[0] + 19).all()  # none on the road
     assert not (kinds[without.row] == PlantKind.GRASS).any()
-    trees = [planted.ground_m[kinds[planted.row] == PlantKind.TREE] for planted in (found, without)]
-    np.testing.assert_allclose(*trees)
+    np.testing.assert_allclose(found.ground_m[~is_grass], without.ground_m)
 
 
 def test_a_class_alone_is_planted_by_its_density():
