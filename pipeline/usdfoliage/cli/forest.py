@@ -1,9 +1,9 @@
 """Plant a forest on a terrain, from rasters of its ground and of what stands on it.
 
 DEM is a raster of the ground's heights. Trees are found in the canopy height, or in the orthophoto where there is no
-canopy height; --trunks gives their places instead. Shrubs and grass are drawn where --vegetation has
-their class, or where the pictures show them.
-plants.toml lists the species, their assets, heights and shares, and what they look like from above.
+canopy height; --trunks gives their places instead. Shrubs and grass are drawn where --vegetation has their class, or
+where the pictures show them. plants.toml lists the species, their assets, heights and shares, and what they look like
+from above.
 
     usdfoliage forest dem.tif --plants plants.toml --orthophoto photo.tif --canopy canopy.tif -o forests/valley
 
@@ -92,11 +92,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "%(default)g.",
     )
     planting.add_argument(
-        "--find-vegetation",
-        action=argparse.BooleanOptionalAction,
-        default=PlantingSettings.find_classes,
-        help="Without --vegetation the orthophoto and the canopy height show where trees, shrubs and grass are, and "
-        "what is a roof or a lawn is no tree; this is the default.",
+        "--no-find-vegetation",
+        action="store_true",
+        help="Shrubs and grass are drawn only where --vegetation has their class. Without this option and without "
+        "--vegetation, the orthophoto and the canopy height show where they are, and what is a roof or a lawn.",
     )
     planting.add_argument(
         "--max-ground-cover",

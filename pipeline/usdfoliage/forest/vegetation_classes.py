@@ -1,7 +1,7 @@
 """Where trees, shrubs and grass are, found in the orthophoto and the canopy height where no raster of classes is given.
 
 The thesis segments by hand (Argudo, section 6.1). Ours decides by height where there is a canopy, by green where there
-is an orthophoto, and tells crowns from lawns by their texture: leaves and gaps of a crown differ in light from one
+is an orthophoto, and parts crowns from lawns by their texture: leaves and gaps of a crown differ in light from one
 half metre to the next, grass does not.
 """
 
@@ -70,8 +70,8 @@ def find_classes(orthophoto: Raster | None, canopy: Raster | None) -> Vegetation
     fine = _averaged(orthophoto, FINEST_M)
     index, texture = green_index(fine), crown_texture(fine)
     grid = _averaged(orthophoto, CLASS_M)
-    green = _block_mean(index, fine, grid) > _least(index, GREEN)
-    rough = _block_mean(texture, fine, grid) > _least(texture[index > _least(index, GREEN)], ROUGH)
+    green = _block_mean(index, fine, grid) > _dividing_value(index, GREEN)
+    rough = _block_mean(texture, fine, grid) > _dividing_value(texture[index > _dividing_value(index, GREEN)], ROUGH)
     tree = _without_specks(green & rough)
     return VegetationClasses(grid=grid, tree=tree, shrub=np.zeros_like(tree), grass=_without_specks(green & ~tree))
 
@@ -86,7 +86,7 @@ def _green_over(grid: Raster, orthophoto: Raster | None) -> Mask | None:
     covered = is_inside(fine, places_m)
     values = Raster(values=index, ground_from_pixel=fine.ground_from_pixel, crs=fine.crs)
     green = np.zeros(len(places_m), bool)
-    green[covered] = sample_nearest(values, places_m[covered]) > _least(index, GREEN)
+    green[covered] = sample_nearest(values, places_m[covered]) > _dividing_value(index, GREEN)
     return green.reshape(grid.values.shape[:2])
 
 
@@ -102,14 +102,14 @@ def are_rough(orthophoto: Raster, ground_m: Floats, radius_m: Floats) -> Mask:
     """
     fine = _averaged(orthophoto, FINEST_M)
     texture = crown_texture(fine)
-    least = _least(texture[green_index(fine) > GREEN[0]], ROUGH)
+    bound = _dividing_value(texture[green_index(fine) > GREEN[0]], ROUGH)
     values = Raster(values=texture, ground_from_pixel=fine.ground_from_pixel, crs=fine.crs)
     angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     discs = np.concatenate([[(0.0, 0.0)], *(share * ring for share in (0.4, 0.8))])
     places_m = ground_m[:, None] + radius_m[:, None, None] * discs
     found = sample_nearest(values, places_m.reshape(-1, 2)).reshape(len(ground_m), len(discs))
-    rough = np.asarray(np.nan_to_num(found).mean(axis=1) >= least)
+    rough = np.asarray(np.nan_to_num(found).mean(axis=1) >= bound)
     return rough if rough.mean() >= FEW else np.ones(len(rough), bool)
 
 
@@ -177,7 +177,7 @@ def _blurred(values: NDArray[np.floating], sigma: float) -> Floats:
     return np.where(seen, summed / np.maximum(weight, 1e-6), np.nan)
 
 
-def _least(values: Floats, between: tuple[float, float]) -> float:
+def _dividing_value(values: Floats, between: tuple[float, float]) -> float:
     """What divides values into two groups best (Otsu, A threshold selection method from gray-level histograms, 1979),
     kept in a range."""
     known = values[np.isfinite(values)]

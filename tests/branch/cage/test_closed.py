@@ -232,9 +232,9 @@ def test_of_what_is_afloat_only_the_branches_that_are_asked_for_are_found():
 
 
 def test_the_worst_of_what_is_bare_is_drawn_otherwise():
-    most_m = np.full(4, 0.1)
-    assert choose_astray(np.array([0.2, 0, 0.005, 0.02]), most_m, 0.03).tolist() == [True, False, False, False]
-    assert choose_astray(np.array([0.2, 0, 0.005, 0.02]), most_m, 0.02).tolist() == [True, False, False, True]
+    allowed_each_m = np.full(4, 0.1)
+    assert choose_astray(np.array([0.2, 0, 0.005, 0.02]), allowed_each_m, 0.03).tolist() == [True, False, False, False]
+    assert choose_astray(np.array([0.2, 0, 0.005, 0.02]), allowed_each_m, 0.02).tolist() == [True, False, False, True]
 
 
 @given(
@@ -242,7 +242,7 @@ def test_the_worst_of_what_is_bare_is_drawn_otherwise():
     st.floats(0, 2),
 )
 def test_no_more_stays_bare_than_is_allowed(branches, allowed_m):
-    bare_m, most_m = np.array(branches).T
-    astray = choose_astray(bare_m, most_m, allowed_m)
+    bare_m, allowed_each_m = np.array(branches).T
+    astray = choose_astray(bare_m, allowed_each_m, allowed_m)
     assert bare_m[~astray].sum() <= allowed_m * (1 + 1e-9)
     assert not astray[bare_m == 0].any()

@@ -49,7 +49,7 @@ BARE_SHARE = 0.0005  # of the length of all axes, that may be without surface: h
 MARGIN = 0.3  # of that, which is left where there is more: others become bare by what is changed
 TOUCH_M = 0.5 * AFLOAT_M  # between points of thin branches and what they run into
 THIN_M = 0.015  # radius of branches that may be lost where it is not sure that they touch
-DOUBTFUL_M = 0.05  # of those that are drawn otherwise where it is not
+UNSURE_M = 0.05  # of those that are drawn otherwise where it is not
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -133,7 +133,7 @@ def _redraw_astray(
             choice = replace(choice, is_twig=is_twig & ~choice.gone, apart=apart & ~is_twig)
             closed, choice = _draw(skeleton, choice, settings, exits)
             astray = find_astray(closed, late=False)
-        afloat = find_afloat(closed, doubtful_m=DOUBTFUL_M)
+        afloat = find_afloat(closed, thin_m=UNSURE_M)
         again = np.append(afloat & (closed.skeleton.parent_curve >= 0), False)[closed.number] & ~choice.is_twig
         if again.any():
             is_twig = _with_carried(skeleton, choice.is_twig | again)
@@ -361,7 +361,7 @@ def _carry_exits(exits: Exits, skeleton: Skeleton, pruned: PrunedSkeleton, kept:
 
 
 def find_afloat(
-    closed: ClosedBranches, among: NDArray[np.bool_] | None = None, doubtful_m: float = THIN_M
+    closed: ClosedBranches, among: NDArray[np.bool_] | None = None, thin_m: float = THIN_M
 ) -> NDArray[np.bool_]:
     """(B,) branches whose piece of the surface neither has a root nor runs into another piece.
 
@@ -371,7 +371,7 @@ def find_afloat(
     Args:
         closed: Of B branches.
         among: (B,), pieces are looked at that have a face of one of these; all where it is not given.
-        doubtful_m: Radius up to which branches are thin.
+        thin_m: Radius up to which branches are thin.
     """
     skeleton, cage = closed.skeleton, closed.cage
     lost = np.zeros(len(skeleton), bool)
@@ -389,7 +389,7 @@ def find_afloat(
     used, corners = np.unique(cage.faces[near], return_inverse=True)
     thickest_m = np.zeros(count)
     np.maximum.at(thickest_m, of_face, np.maximum.reduceat(skeleton.radius_m, skeleton.first)[cage.curve])
-    thin = asked[thickest_m[asked] < doubtful_m]
+    thin = asked[thickest_m[asked] < thin_m]
     afloat = np.zeros(count, bool)
     for levels in AFLOAT_LEVELS:
         points_m, faces = refine_smooth(cage.points_m[used], corners.reshape(-1, 4), levels)
@@ -429,19 +429,23 @@ def find_astray(closed: ClosedBranches, *, late: bool) -> NDArray[np.bool_]:
     bare_m = np.zeros(len(skeleton))
     bare_m[joined] = bare_lengths(skeleton.only(joined), points_m, faces, edges=ASTRAY_EDGES)
     bare_m[skeleton.parent_curve < 0] = 0.0
-    most_m = ASTRAY * np.maximum.reduceat(skeleton.radius_m, skeleton.first) if late else np.full(len(skeleton), np.inf)
-    return choose_astray(bare_m, most_m, BARE_SHARE * float(skeleton.lengths_m.sum()))
+    allowed_each_m = (
+        ASTRAY * np.maximum.reduceat(skeleton.radius_m, skeleton.first) if late else np.full(len(skeleton), np.inf)
+    )
+    return choose_astray(bare_m, allowed_each_m, BARE_SHARE * float(skeleton.lengths_m.sum()))
 
 
-def choose_astray(bare_m: NDArray[np.float64], most_m: NDArray[np.float64], allowed_m: float) -> NDArray[np.bool_]:
+def choose_astray(
+    bare_m: NDArray[np.float64], allowed_each_m: NDArray[np.float64], allowed_m: float
+) -> NDArray[np.bool_]:
     """(B,) which branches are drawn otherwise, so that no more than what is allowed is left without surface.
 
     Args:
         bare_m: (B,), how much of each has no surface.
-        most_m: (B,), how much of each may have none.
+        allowed_each_m: (B,), how much of each may have none.
         allowed_m: How much of all others may have none.
     """
-    astray = bare_m > most_m
+    astray = bare_m > allowed_each_m
     others_m = np.where(astray, 0.0, bare_m)
     order = np.argsort(others_m, kind="stable")
     summed_m = np.cumsum(others_m[order])

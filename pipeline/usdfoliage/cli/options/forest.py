@@ -34,7 +34,7 @@ def read_forest_request(options: argparse.Namespace) -> ForestRequest:
                 seed=options.seed,
                 tree_tops=TreeTopSettings(radius_m=(options.crown_radius[0], options.crown_radius[1])),
                 trees_per_ha=options.trees_per_ha,
-                find_classes=options.find_vegetation,
+                find_classes=not options.no_find_vegetation,
                 max_ground_cover=options.max_ground_cover,
             ),
             max_terrain_quads=options.max_terrain_quads,

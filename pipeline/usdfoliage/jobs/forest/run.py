@@ -285,7 +285,7 @@ def describe_settings(request: ForestRequest) -> Mapping[str, str]:
         "seed": str(planting.seed),
         "crown-radius": f"{low_m:g} {high_m:g}",
         "trees-per-ha": f"{planting.trees_per_ha:g}",
-        "find-vegetation": "yes" if planting.find_classes else "no",
+        **({} if planting.find_classes else {"no-find-vegetation": "yes"}),
         "max-ground-cover": str(planting.max_ground_cover),
         "lod-distance": "{:g} {:g}".format(*request.lod_distance_m),
         "max-terrain-quads": str(request.max_terrain_quads),
