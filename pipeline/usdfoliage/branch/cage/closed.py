@@ -32,7 +32,8 @@ LEAN_FACES = 32.0, 3.0  # of a lean one
 
 SURELY = 0.9  # times as many fewer faces as the last tips gave, from the next ones
 FACES_OF_TWIG = 30  # that are fewer without a twig, before it is known
-NEARLY = 0.5  # of the faces that there may be, up to which the thickest are joined: with more no face is free for twigs
+NEARLY = 0.5  # of the faces that there may be, up to which the thickest are joined
+LOOSE_SHARE = 0.03  # of the branches, that are pieces of their own since joined ones have no face for them
 ENOUGH = 0.4  # of them, which are enough
 ROUNDS = 3  # of choosing what is left out
 JOINING_ROUNDS = 2  # of choosing what is joined
@@ -231,10 +232,11 @@ def _join_thickest(
     fewest = len(fits[1].faces)
     more = _joined_faces(skeleton, LEAN_FACES) - np.bincount(fits[1].curve, minlength=len(skeleton))
     more = np.cumsum(np.maximum(more[may][order], 1.0))  # faces, the thickest being joined up to each
-    best, tried, times = fits, fits[0].tried, 1.0
+    best, tried, times, limit = fits, fits[0].tried, 1.0, len(more)
+    spare = len(skeleton) * LOOSE_SHARE  # pieces, beside those that there are with none joined
     for _ in range(JOINING_ROUNDS):
-        wanted = int(np.searchsorted(times * more, NEARLY * max_faces - fewest))
-        if fewest >= NEARLY * max_faces or wanted <= 0 or not len(more):
+        wanted = min(limit, int(np.searchsorted(times * more, NEARLY * max_faces - fewest)))
+        if fewest >= NEARLY * max_faces or wanted <= 0:
             break
         # Of branches of one thickness all are twigs or none, so that what a twig carries is one.
         is_twig = may & (thickness_m < thickness_m[may][order[min(wanted, len(more)) - 1]])
@@ -242,12 +244,17 @@ def _join_thickest(
         cage = build_with_twigs(skeleton, choice, settings, exits)
         tried = cage.tries
         joined = int((~is_twig[may]).sum())
-        if len(cage.faces) <= max_faces:
+        if not joined:
+            break
+        loose = len(cage.loose) - len(fits[1].loose)
+        if loose > spare:
+            limit = int(joined * spare / loose)
+        elif len(cage.faces) <= max_faces:
             if len(cage.faces) > len(best[1].faces):
                 best = choice, cage
-            if joined == len(more) or len(cage.faces) >= ENOUGH * max_faces:
+            if joined >= limit or len(cage.faces) >= ENOUGH * max_faces:
                 break
-        times = max(len(cage.faces) - fewest, 1) / more[joined - 1] if joined else 2 * times
+        times = max(len(cage.faces) - fewest, 1) / more[joined - 1]
     return best
 
 
