@@ -32,11 +32,8 @@ LEAN_FACES = 32.0, 3.0  # of a lean one
 
 SURELY = 0.9  # times as many fewer faces as the last tips gave, from the next ones
 FACES_OF_TWIG = 30  # that are fewer without a twig, before it is known
-NEARLY = 0.5  # of the faces that there may be, up to which the thickest are joined
-LOOSE_SHARE = 0.03  # of the branches, that are pieces of their own since joined ones have no face for them
-ENOUGH = 0.4  # of them, which are enough
+LIMBS = 0.15, 0.3, 0.5  # of the greatest radius: a thicker branch is a limb
 ROUNDS = 3  # of choosing what is left out
-JOINING_ROUNDS = 2  # of choosing what is joined
 COARSER = (1.0, 1.5, 2.0, 3.0)  # times fewer rings of twigs
 SHORT_ROUNDS = 4  # of leaving out what ends inside its parent: others then leave from there
 MANY = 10  # branches that one carries, with itself, from which on it is not made a twig for the want of a fork
@@ -201,7 +198,7 @@ def _fit_faces(
         choice = TwigChoice(is_twig=~rooted, gone=none, twig_settings=TwigSettings(coarser=coarser), tried=tried)
         cage = build_with_twigs(skeleton, choice, settings, exits)
         if len(cage.faces) <= max_faces:
-            return _join_thickest(skeleton, thickness_m, max_faces, settings, exits, (choice, cage))
+            return _join_limbs(skeleton, thickness_m, max_faces, settings, exits, (choice, cage))
         # What is not enough by far need not be built.
         needed = len(cage.faces) - max_faces
         left = [each for each in left if SIDES * rows * (1 / coarser - 1 / each) > needed or each == COARSER[-1]]
@@ -217,7 +214,7 @@ def _fit_faces(
     return choice, cage
 
 
-def _join_thickest(
+def _join_limbs(
     skeleton: Skeleton,
     thickness_m: NDArray[np.float64],
     max_faces: int,
@@ -225,37 +222,23 @@ def _join_thickest(
     exits: Exits,
     fits: tuple[TwigChoice, BranchCage],
 ) -> tuple[TwigChoice, BranchCage]:
-    """Join the thickest branches for the faces that are left; fits has none that is joined, and comes back if none can
-    be."""
+    """Join the limbs of a tree as far as there are faces for them; fits has none that is joined, and comes back if none
+    can be.
+
+    Of the twigs of a joined limb some find no face to leave by, and become pieces of their own; those of a twig do.
+    """
     may = skeleton.parent_curve >= 0
-    order = np.argsort(-thickness_m[may], kind="stable")
-    fewest = len(fits[1].faces)
     more = _joined_faces(skeleton, LEAN_FACES) - np.bincount(fits[1].curve, minlength=len(skeleton))
-    more = np.cumsum(np.maximum(more[may][order], 1.0))  # faces, the thickest being joined up to each
-    best, tried, times, limit = fits, fits[0].tried, 1.0, len(more)
-    spare = len(skeleton) * LOOSE_SHARE  # pieces, beside those that there are with none joined
-    for _ in range(JOINING_ROUNDS):
-        wanted = min(limit, int(np.searchsorted(times * more, NEARLY * max_faces - fewest)))
-        if fewest >= NEARLY * max_faces or wanted <= 0:
-            break
-        # Of branches of one thickness all are twigs or none, so that what a twig carries is one.
-        is_twig = may & (thickness_m < thickness_m[may][order[min(wanted, len(more)) - 1]])
-        choice = replace(fits[0], is_twig=is_twig, tried=tried)
+    for share in LIMBS:
+        is_twig = may & (thickness_m < share * thickness_m.max())
+        joined = may & ~is_twig
+        if not joined.any() or len(fits[1].faces) + more[joined].sum() > max_faces:
+            continue
+        choice = replace(fits[0], is_twig=is_twig)
         cage = build_with_twigs(skeleton, choice, settings, exits)
-        tried = cage.tries
-        joined = int((~is_twig[may]).sum())
-        if not joined:
-            break
-        loose = len(cage.loose) - len(fits[1].loose)
-        if loose > spare:
-            limit = int(joined * spare / loose)
-        elif len(cage.faces) <= max_faces:
-            if len(cage.faces) > len(best[1].faces):
-                best = choice, cage
-            if joined >= limit or len(cage.faces) >= ENOUGH * max_faces:
-                break
-        times = max(len(cage.faces) - fewest, 1) / more[joined - 1]
-    return best
+        if len(cage.faces) <= max_faces:
+            return choice, cage
+    return fits
 
 
 def _joined_faces(skeleton: Skeleton, faces: tuple[float, float]) -> NDArray[np.float64]:

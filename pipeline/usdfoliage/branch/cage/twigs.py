@@ -43,6 +43,7 @@ FACES = 16  # of a parent, that are looked at for a twig
 SLENDER = 3.0  # how much longer than wide a face may be
 WIDER = 6.0  # radii of the twig, that it may be long in any case
 OUTWARD = 0.2  # cosine between a face's normal and the twig, at least
+MOVED = 0.4  # radii of a parent, by which its surface is off its axis, from which on a piece begins in its middle
 OFF = 1.0  # diagonals of a face, that its middle may be from where the twig comes out
 
 
@@ -129,7 +130,7 @@ def draw_twigs(
         curves = np.flatnonzero(is_twig & (skeleton.order == order))
         faces = _choose_faces(skeleton, curves, exits, mesh)
         pieces += curves[faces < 0].tolist()
-        stations = _place_rings(skeleton, curves, faces >= 0, exits, marks, settings)
+        stations = _place_rings(skeleton, curves, faces >= 0, exits, marks, settings, mesh)
         _append_twigs(mesh, curves, faces, stations)
     return _finish(cage, mesh, skeleton, pieces)
 
@@ -230,6 +231,7 @@ def _place_rings(
     exits: Exits,
     marks: RingMarks,
     settings: TwigSettings,
+    mesh: _Mesh,
 ) -> _Stations:
     """Rings of twigs (S,) that are drawn out of faces, or that begin on the axes of their parents."""
     measure = _measure(skeleton, settings)
@@ -271,6 +273,7 @@ def _place_rings(
     springs = curves[~drawn & (skeleton.parent_curve[curves] >= 0)]
     if len(springs):
         begin_m, behind_m = _begin(skeleton, springs)
+        begin_m = _inside_surface(mesh, skeleton.parent_curve[springs].astype(np.int64), begin_m)
         curve, center_m = np.concatenate([curve, springs]), np.concatenate([center_m, begin_m])
         radius_m = np.concatenate([radius_m, skeleton.radius_m[first[springs]]])
         arc_m = np.concatenate([arc_m, -behind_m])
@@ -328,6 +331,32 @@ def _begin(skeleton: Skeleton, springs: Ints) -> tuple[Floats, Floats]:
     at_foot = (at_m <= own_m) & (skeleton.parent_curve[parent] < 0)
     place = places_at(skeleton, parent, np.where(at_foot, inside_m, at_m - behind_m))
     return place.between(skeleton.points_m), behind_m
+
+
+def _inside_surface(mesh: _Mesh, parent: Ints, begin_m: Floats) -> Floats:
+    """(S, 3) places on the axes of parents (S,), moved to the middle of their surface's nearest ring where that is
+    elsewhere: a parent that is joined may have been moved to where it found room."""
+    rings = int(mesh.ring.max(initial=-1)) + 1
+    corners = mesh.faces[mesh.row].reshape(-1)
+    ring, of = mesh.ring[corners], np.repeat(mesh.curve[mesh.row], SIDES)
+    count = np.maximum(np.bincount(ring, minlength=rings), 1)[:, None]
+    middle_m = np.stack([np.bincount(ring, mesh.points_m[corners, c], rings) for c in range(3)], axis=-1) / count
+    off_m = np.linalg.norm(mesh.points_m[corners] - middle_m[ring], axis=1)
+    radius_m = np.bincount(ring, off_m, rings) / count[:, 0]
+    pairs = np.unique(np.stack([of, ring], axis=-1), axis=0)  # ascending by curve
+    low, high = np.searchsorted(pairs[:, 0], parent), np.searchsorted(pairs[:, 0], parent, side="right")
+    moved_m = begin_m.copy()
+    for number in np.flatnonzero(high > low).tolist():
+        own = pairs[low[number] : high[number], 1]
+        away_m = np.linalg.norm(middle_m[own] - begin_m[number], axis=1)
+        nearest = int(np.argmin(away_m))
+        before, after = middle_m[own[max(nearest - 1, 0)]], middle_m[own[min(nearest + 1, len(own) - 1)]]
+        along = _unit(after - before)
+        step_m = middle_m[own[nearest]] - begin_m[number]
+        across_m = step_m - (step_m @ along) * along
+        if np.linalg.norm(across_m) > MOVED * radius_m[own[nearest]]:
+            moved_m[number] += across_m
+    return moved_m
 
 
 def _append_twigs(mesh: _Mesh, curves: Ints, chosen: Ints, stations: _Stations) -> None:
