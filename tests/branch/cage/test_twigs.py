@@ -21,7 +21,7 @@ def test_a_piece_begins_in_the_surface_of_its_parent(aside_m):
     is_twig = np.arange(13) > 0
     cage = build_branch_cage(plant.only(~is_twig))
     drawn = draw_twigs(
-        plant, is_twig, replace(cage, points_m=cage.points_m + [0, 0, aside_m], loose=()), axis_exits(plant)
+        plant, is_twig, replace(cage, points_m=cage.points_m + np.array([0, 0, aside_m]), loose=()), axis_exits(plant)
     )
     assert drawn.loose
     assert check_cage(drawn).clean
