@@ -14,9 +14,9 @@ from rasterio.vrt import WarpedVRT
 
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.reading import describe_unread, open_regular
+from usdfoliage.forest.coordinate_system import check_system, metres_per_unit
 from usdfoliage.forest.raster import Raster
 
-WEB_MERCATOR = 3857  # EPSG
 MAX_PIXELS = 400_000_000  # of one raster: 20,000 x 20,000
 # Each is one file that holds its pixels itself; a VRT would read whatever files and addresses it names.
 DRIVERS = ("GTiff", "COG", "PNG", "JPEG", "HFA", "AAIGrid", "SRTMHGT", "JP2OpenJPEG")
@@ -79,23 +79,13 @@ def _read(
             f"{name} {path} does not state where on the ground its pixels lie",
             "give a GeoTIFF with a geotransform, as 'gdalwarp' writes it, or put a world file beside it",
         )
-    if crs and crs.to_epsg() == WEB_MERCATOR:
-        raise CaptureError(
-            f"{name} {path} is in the coordinate system of web maps, whose metres are none on the ground",
-            "bring it into another one, for example with 'gdalwarp -t_srs EPSG:326…' of its zone",
-        )
-    if crs and crs.is_geographic:
-        west, south, east, north = file.bounds
-        zone = (32600 if south + north >= 0 else 32700) + int((west + east) / 2 // 6) + 31
-        raise CaptureError(
-            f"{name} {path} is in degrees of longitude and latitude",
-            f"bring it into metres, for example with 'gdalwarp -t_srs EPSG:{zone}'",
-        )
-    metres = _metres_per_unit(crs)
+    middle = np.array(file.transform, np.float64).reshape(3, 3)[:2] @ [file.width / 2, file.height / 2, 1]
+    check_system(crs, middle, f"{name} {path}", "'gdalwarp -t_srs {}'")
+    metres = metres_per_unit(crs)
     if onto is not None and onto.crs and crs and crs != CRS.from_wkt(onto.crs):
         wanted = CRS.from_wkt(onto.crs)
         with WarpedVRT(file, crs=wanted, resampling=resampling, nodata=np.nan, dtype="float32") as warped:
-            return _take(warped, file, _metres_per_unit(wanted), crs=onto.crs)
+            return _take(warped, file, metres_per_unit(wanted), crs=onto.crs)
     return _take(file, file, metres, crs=crs.to_wkt() if crs else "")
 
 
@@ -134,16 +124,6 @@ def _bounds(raster: Raster) -> NDArray[np.float64]:
     corners = np.array([[0, 0, 1], [width, 0, 1], [0, height, 1], [width, height, 1]], np.float64)
     ground_m = corners @ raster.ground_from_pixel.T
     return np.stack([ground_m.min(axis=0), ground_m.max(axis=0)])
-
-
-def _metres_per_unit(crs: CRS | None) -> float:
-    """Of easting and northing; 1 where nothing is stated."""
-    if not crs:
-        return 1.0
-    try:
-        return float(crs.linear_units_factor[1])
-    except (RasterioError, ValueError):
-        return 1.0
 
 
 def _first_line(error: BaseException) -> str:
