@@ -6,7 +6,8 @@ import laspy
 import numpy as np
 import pytest
 from laspy.vlrs.known import GeoKeyDirectoryVlr, GeoKeyEntryStruct, WktCoordinateSystemVlr
-from usdfoliage.capture.cloud_files.las_units import LasUnit, read_key_unit, read_wkt_unit
+from usdfoliage.capture.cloud_files.las import open_las_parts, read_las_system
+from usdfoliage.capture.cloud_files.las_units import LasSystem, LasUnit, read_key_unit, read_wkt_unit
 from usdfoliage.capture.cloud_files.read import CloudInputSettings, read_cloud_input
 from usdfoliage.errors import CaptureError
 from usdfoliage.remarks import Setting
@@ -147,3 +148,18 @@ def test_damage_is_reported(tmp_path, damage):
     path.write_bytes(data)
     with pytest.raises(CaptureError, match=r"a\.laz is damaged"):
         read_cloud_input(path)
+
+
+def test_the_coordinate_system_and_the_classes_are_handed_on(tmp_path):
+    points = some_points()
+    codes = np.arange(200) % 9
+    file = write_las(tmp_path / "a.las", points, classification=codes, vlrs=[WktCoordinateSystemVlr(METRES)])
+    assert read_las_system(file) == LasSystem(METRES, LasUnit(1.0))
+    (part,) = open_las_parts(file).parts
+    np.testing.assert_array_equal(part.classes, codes)
+    assert read_las_system(write_las(tmp_path / "b.las", points)) == LasSystem()
+    numbered = write_las(tmp_path / "c.las", points, vlrs=[keys((1024, 1), (3072, 25832))])
+    assert read_las_system(numbered) == LasSystem("", LasUnit(epsg=25832))
+    (tmp_path / "d.las").write_bytes(b"LASF" + bytes(300))
+    with pytest.raises(CaptureError, match=r"d\.las is damaged"):
+        read_las_system(tmp_path / "d.las")

@@ -20,6 +20,7 @@ class CloudPart(NamedTuple):
     work: int  # how much of the file's work this part was
     left_out: tuple[tuple[int, str], ...] = ()  # of the file, not among these: how many, and what they are
     marked: tuple[tuple[NDArray[np.bool_], str], ...] = ()  # (N,), of these, not to be used by the file, and why
+    classes: NDArray[np.uint8] | None = None  # (N,), codes of a survey, 2 for the ground; None: the format has none
 
     @property
     def is_marked(self) -> NDArray[np.bool_]:

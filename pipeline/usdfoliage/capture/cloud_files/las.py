@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.cloud_files.chunks import PART_POINTS, CloudPart, CloudParts
-from usdfoliage.capture.cloud_files.las_units import LasUnit, read_key_unit, read_wkt_unit
+from usdfoliage.capture.cloud_files.las_units import LasSystem, LasUnit, read_key_unit, read_wkt_unit
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.reading import open_regular
 from usdfoliage.remarks import Remark, remark
@@ -76,6 +76,18 @@ def open_las_parts(path: Path, unit_is_given: bool = False) -> CloudParts:
         color_levels=(255.0, 65535.0),  # they are of 16 bits, but many programs write 8
         remarks=tuple(remarks),
     )
+
+
+def read_las_system(path: Path) -> LasSystem:
+    """What a LAS or LAZ file states of its coordinate system; nothing where it states none.
+
+    Raises:
+        CaptureError: The file is damaged.
+    """
+    _check_records(path)
+    with _report_damage(path), laspy.open(path) as reader:
+        texts = [text for text in _system_texts(reader.header) if text.strip("\0 ")]
+        return LasSystem(text=texts[0].strip("\0 ") if texts else "", unit=_read_unit(reader.header))
 
 
 def _check_records(path: Path) -> None:
@@ -159,16 +171,16 @@ def _as_part(part: "laspy.ScaleAwarePointRecord", has_colors: bool) -> CloudPart
     if has_colors:
         colors = np.column_stack([np.asarray(line, np.float32) for line in (part.red, part.green, part.blue)])
     withheld = np.asarray(part.withheld).astype(bool)
-    noise = np.isin(np.asarray(part.classification), _NOISE) & ~withheld
+    classes = np.asarray(part.classification).astype(np.uint8)
+    noise = np.isin(classes, _NOISE) & ~withheld
     marks = ((withheld, "points that the file marks as withheld"), (noise, "points that the file marks as noise"))
-    return CloudPart(points, colors, len(part), marked=tuple(each for each in marks if each[0].any()))
+    return CloudPart(points, colors, len(part), marked=tuple(each for each in marks if each[0].any()), classes=classes)
 
 
 def _read_unit(header: "laspy.LasHeader") -> LasUnit:
     """By the coordinate system in text, else by that in keys, as LAS 1.4 wants it."""
-    records = [record for record in (*header.vlrs, *(header.evlrs or ())) if record.user_id == "LASF_Projection"]
-    texts = [str(record.string) for record in records if record.record_id == 2112 and hasattr(record, "string")]
-    for text in texts:
+    records = _system_records(header)
+    for text in _system_texts(header):
         unit = read_wkt_unit(text)
         if unit != LasUnit():
             return unit
@@ -178,6 +190,15 @@ def _read_unit(header: "laspy.LasHeader") -> LasUnit:
             keys = [(key.id, key.tiff_tag_location, key.count, key.value_offset) for key in record.geo_keys]
             return read_key_unit(keys, doubles)
     return LasUnit()
+
+
+def _system_records(header: "laspy.LasHeader") -> list["laspy.VLR"]:
+    return [record for record in (*header.vlrs, *(header.evlrs or ())) if record.user_id == "LASF_Projection"]
+
+
+def _system_texts(header: "laspy.LasHeader") -> list[str]:
+    records = [each for each in _system_records(header) if each.record_id == 2112 and hasattr(each, "string")]
+    return [str(record.string) for record in records]
 
 
 def _check_unit(path: Path, unit: LasUnit, sides: NDArray[np.float64]) -> list[Remark]:

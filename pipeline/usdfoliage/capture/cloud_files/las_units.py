@@ -33,6 +33,13 @@ class LasUnit(NamedTuple):
     epsg: int | None = None  # of a system that is known by its number alone
 
 
+class LasSystem(NamedTuple):
+    """The coordinate system of a file."""
+
+    text: str = ""  # well-known text; empty where the file has none
+    unit: LasUnit = LasUnit()
+
+
 @dataclass
 class _Node:
     """KEYWORD["name", 1.0, CHILD[...]]"""
