@@ -1280,7 +1280,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "terrain-without-crs": RemarkKind(
                 severity="warning",
                 meaning="The DEM states no coordinate system. Its lengths are taken for metres.",
-                action="Look at the size of the terrain in the report. Give a GeoTIFF with a coordinate system.",
+                action="Look at the size of the terrain in the report. Give a DEM with a coordinate system.",
             ),
             "shot-without-unit": RemarkKind(
                 severity="warning",
@@ -1292,10 +1292,21 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="The DEM states no unit of its heights, and its easting and northing are not in metres.",
                 action="Look at the heights in the report. Convert the DEM to metres with `gdalwarp`.",
             ),
+            "terrain-gridded": RemarkKind(
+                severity="info",
+                meaning="The DEM is a mesh or a cloud. Its heights are taken at the middles of square pixels.",
+                action="Nothing, or give another spacing of the ground.",
+            ),
+            "terrain-unclassified": RemarkKind(
+                severity="warning",
+                meaning="The points of the DEM have no class for the ground. The lowest point of each pixel is taken, "
+                "which may be one of a plant.",
+                action="Look at the ground in the report. Classify the points, for example with PDAL's `filters.smrf`.",
+            ),
             "terrain-holes": RemarkKind(
                 severity="info",
                 meaning="The DEM has no height in some pixels. The ground is closed there, and no plant stands on it.",
-                action="Nothing, or fill the holes with `gdal_fillnodata`.",
+                action="Nothing, or fill the holes of a raster with `gdal_fillnodata`.",
             ),
             "raster-covers-less": RemarkKind(
                 severity="warning",

@@ -1,9 +1,9 @@
 """Plant a forest on a terrain, from rasters of its ground and of what stands on it.
 
-DEM is a raster of the ground's heights. Trees are found in the canopy height, or in the orthophoto where there is no
-canopy height; --trunks gives their places instead. Shrubs and grass are drawn where --vegetation has their class, or
-where the pictures show them. plants.toml lists the species, their assets, heights and shares, and what they look like
-from above.
+DEM is a raster of the ground's heights, or a mesh (.obj) or a cloud (.las, .laz) of the ground. Trees are found in the
+canopy height, or in the orthophoto where there is no canopy height; --trunks gives their places instead. Shrubs and
+grass are drawn where --vegetation has their class, or where the pictures show them. plants.toml lists the species,
+their assets, heights and shares, and what they look like from above.
 
     usdfoliage forest dem.tif --plants plants.toml --orthophoto photo.tif --canopy canopy.tif -o forests/valley
 
@@ -41,9 +41,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "dem",
         metavar="DEM",
         type=Path,
-        help="The input is a raster of the ground's heights, as a GeoTIFF in a coordinate system in metres or feet.",
+        help="The input is a raster of the ground's heights, as a GeoTIFF in a coordinate system in metres or feet. It "
+        "may also be an OBJ mesh of the ground with easting, northing and height as x, y and z, or a LAS or LAZ cloud.",
     )
     add_output(files)
+    files.add_argument(
+        "--ground-spacing",
+        metavar="METRES",
+        type=float,
+        help="The heights of a mesh or a cloud are taken at this distance in metres. Without this option it follows "
+        "from the spacing of the points.",
+    )
     files.add_argument(
         "--plants",
         metavar="FILE",

@@ -74,6 +74,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
         arguments={
             "camera": "--camera",
             "camera_prim": "--camera-prim",
+            "ground_spacing": "--ground-spacing",
             "max_terrain_quads": "--max-terrain-quads",
             "tile": "--tile",
         },

@@ -39,11 +39,12 @@ class GroundMesh:
     st: Floats  # (V, 2), over the rectangle of the terrain: east and north
 
 
-def make_terrain(heights: Raster) -> Terrain:
+def make_terrain(heights: Raster, name: str = "the DEM") -> Terrain:
     """A terrain of heights, with its holes closed as a soap film would.
 
     Args:
         heights: (H, W), NaN where no height is known.
+        name: What it is to the user, for errors.
 
     Raises:
         CaptureError: There are fewer than 2 x 2 pixels, or nearly none with a height.
@@ -51,10 +52,11 @@ def make_terrain(heights: Raster) -> Terrain:
     values = np.asarray(heights.values, np.float64)
     known = np.isfinite(values)
     if values.ndim != 2 or min(values.shape) < 2:
-        raise CaptureError(f"the DEM has {' x '.join(map(str, values.shape))} pixels, and needs 2 x 2 in one band")
+        raise CaptureError(f"{name} has {' x '.join(map(str, values.shape))} pixels, and needs 2 x 2 in one band")
     if known.mean() < 1 - MAX_HOLES:
         raise CaptureError(
-            f"the DEM has heights in {known.mean():.1%} of its pixels", "see whether its no-data value is right"
+            f"{name} has heights in {known.mean():.1%} of its pixels",
+            "see whether its no-data value is right, or points lie far away",
         )
     return Terrain(
         heights=Raster(values=close_holes(values), ground_from_pixel=heights.ground_from_pixel, crs=heights.crs),

@@ -5,6 +5,7 @@ import argparse
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
+from usdfoliage.forest.ground_frame import GroundSettings
 from usdfoliage.forest.planting import PlantingSettings
 from usdfoliage.forest.shots import ShotSettings
 from usdfoliage.forest.tree_tops import TreeTopSettings
@@ -27,6 +28,7 @@ def read_forest_request(options: argparse.Namespace) -> ForestRequest:
                 canopy=options.canopy,
                 vegetation=options.vegetation,
                 trunks=options.trunks,
+                ground=GroundSettings(spacing_m=options.ground_spacing),
             ),
             output=options.output,
             name=asset_name(options.name or options.output.resolve().name),

@@ -1,7 +1,7 @@
 """The files of a forest, read and brought into one coordinate system."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +9,15 @@ from numpy.typing import NDArray
 
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.reading import read_regular
+from usdfoliage.forest.ground_files import is_ground_file, read_ground
+from usdfoliage.forest.ground_frame import GroundSettings
 from usdfoliage.forest.planting import ForestInput
 from usdfoliage.forest.plants_file import TALLEST_M, PlantsFile, read_plants_file
 from usdfoliage.forest.raster import Raster, is_inside
 from usdfoliage.forest.raster_files import RasterFile, is_covered, read_raster
 from usdfoliage.forest.terrain import make_terrain
 from usdfoliage.geometry.color import decode_srgb
-from usdfoliage.remarks import Remark, remark
+from usdfoliage.remarks import Argument, Remark, remark
 
 UNITS = {  # metres, of heights as files name their units
     **dict.fromkeys(("m", "metre", "meter", "metres", "meters"), 1.0),
@@ -34,18 +36,19 @@ MAX_TRUNK_BYTES = 1 << 28
 class ForestFiles:
     """What the user gives."""
 
-    dem: Path
+    dem: Path  # a raster, or a mesh or a cloud of the ground
     plants: Path
     orthophoto: Path | None = None
     canopy: Path | None = None
     vegetation: Path | None = None
     trunks: Path | None = None
+    ground: GroundSettings = field(default_factory=GroundSettings)
 
     @property
     def by_role(self) -> dict[str, Path]:
         """All files that are given, by what they are."""
-        files = {each.name: getattr(self, each.name) for each in fields(self)}
-        return {role: path for role, path in files.items() if path is not None}
+        given = {each.name: getattr(self, each.name) for each in fields(self)}
+        return {role: path for role, path in given.items() if isinstance(path, Path)}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,16 +69,19 @@ def read_forest(files: ForestFiles) -> ReadForest:
     """
     plants = read_plants_file(files.plants)
     remarks: list[Remark] = []
-    dem = read_raster(files.dem, "the DEM")
+    dem = _read_dem(files, remarks)
     height_unit = _height_unit(dem, files.dem, remarks)
     if not dem.has_crs:
-        text = f"{files.dem.name} states no coordinate system; its easting, northing and heights are taken for metres"
+        taken = "its easting, northing and heights are taken for metres"
+        if dem.metres_per_unit != 1.0:
+            taken = f"its unit is {dem.metres_per_unit:.4g} m"
+        text = f"{files.dem.name} states no coordinate system that is known; {taken}"
         remarks.append(remark("terrain-without-crs", text))
     heights = dem.raster.values
     if heights.ndim == 3:
         raise CaptureError(f"the DEM {files.dem} has {heights.shape[2]} bands", "give a raster of one band, of heights")
     raster = Raster(values=heights * height_unit, ground_from_pixel=dem.raster.ground_from_pixel, crs=dem.raster.crs)
-    terrain = make_terrain(raster)
+    terrain = make_terrain(raster, f"the DEM {files.dem}")
     if terrain.hole_share > 0:
         text = f"{terrain.hole_share:.1%} of the DEM have no height: the ground is closed there, and nothing is planted"
         remarks.append(remark("terrain-holes", text))
@@ -109,6 +115,20 @@ def read_forest(files: ForestFiles) -> ReadForest:
         metres_per_height=height_unit,
         remarks=tuple(remarks),
     )
+
+
+def _read_dem(files: ForestFiles, remarks: list[Remark]) -> RasterFile:
+    """The heights of the ground, of whatever kind their file is."""
+    if is_ground_file(files.dem):
+        ground = read_ground(files.dem, files.ground)
+        remarks += ground.remarks
+        return ground.file
+    if files.ground.spacing_m is not None:
+        raise CaptureError(
+            f"the DEM {files.dem} is a raster, whose pixels are as large as they are",
+            ("leave out ", Argument(name="ground_spacing"), ", which is for a mesh or a cloud"),
+        )
+    return read_raster(files.dem, "the DEM")
 
 
 def read_trunks(path: Path) -> NDArray[np.float64]:

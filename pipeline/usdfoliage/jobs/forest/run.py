@@ -289,6 +289,7 @@ def describe_settings(request: ForestRequest) -> Mapping[str, str]:
         "max-ground-cover": str(planting.max_ground_cover),
         "lod-distance": "{:g} {:g}".format(*request.lod_distance_m),
         "max-terrain-quads": str(request.max_terrain_quads),
+        **({} if request.files.ground.spacing_m is None else {"ground-spacing": f"{request.files.ground.spacing_m:g}"}),
         **({} if request.tile_m is None else {"tile": f"{request.tile_m:g}"}),
         **_describe_shots(request.shots),
     }
