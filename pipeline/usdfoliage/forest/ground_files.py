@@ -18,14 +18,15 @@ from usdfoliage.forest.ground_points import SpacingSample, point_heights
 from usdfoliage.forest.mesh_heights import areas_in_plan, mesh_heights, spacing_of_mesh
 from usdfoliage.forest.obj_file import FARTHEST, read_obj
 from usdfoliage.forest.raster import Raster
-from usdfoliage.forest.raster_files import RasterFile
-from usdfoliage.remarks import Remark, remark
+from usdfoliage.forest.raster_files import MAX_PIXELS, RasterFile
+from usdfoliage.remarks import Argument, Remark, remark
 
 _MESH, _CLOUD = (".obj",), (".las", ".laz")
 _LAS_START = b"LASF"
 _GROUND = 2  # class of points
 _UNIT_NAMES = {1.0: "m", 0.3048: "ft", 1200 / 3937: "us-ft"}
 _SAME_UNIT = 1e-7  # relative: feet are of two sizes, which differ by less than 1e-5
+_MAX_VISITS = 10 * MAX_PIXELS  # of pixels, and of rows of them, by the faces of a mesh
 _NO_DEGREES = 360.0  # no longitude is greater
 
 Floats = NDArray[np.float64]
@@ -74,6 +75,12 @@ def _read_mesh(path: Path, settings: GroundSettings) -> GroundFile:
     low, high = used[:, :2].min(axis=0), used[:, :2].max(axis=0)
     cell = spacing_of_mesh(mesh.points, mesh.triangles) if settings.spacing_m is None else settings.spacing_m
     frame = frame_ground(low, high, cell, name, whole=False)
+    rows = np.ptp(edges[:, :, 1], axis=1).sum() / cell
+    if not covers.sum() / cell**2 + rows <= _MAX_VISITS:
+        raise CaptureError(
+            f"the faces of {name} would cover {covers.sum() / cell**2:,.0f} pixels, as many lie over each other",
+            ("give the surface of the ground alone, or a greater length to ", Argument(name="ground_spacing")),
+        )
     heights = mesh_heights(mesh.points, mesh.triangles, frame)
     text = f"{path.name} has {len(mesh.triangles):,} triangles; their heights are taken every {cell:.3g} m"
     return _as_file(heights, frame, None, 1.0, "", [remark("terrain-gridded", text)])

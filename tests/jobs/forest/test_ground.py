@@ -174,6 +174,10 @@ def test_meshes_that_cannot_be_are_one_line_that_names_the_file(files, points, t
     assert "stands upright" in refused(files, standing, tmp_path, capsys)
     far = write_obj(tmp_path / "far.obj", np.concatenate([points, [[1e9, 1e9, 0]]]), [*quads, [0, 1, 2, len(points)]])
     assert "400,000,000" in refused(files, far, tmp_path, capsys)
+    square = [[0, 0, 0], [100, 0, 0], [0, 100, 0]]
+    piled = write_obj(tmp_path / "piled.obj", square, [[0, 1, 2]] * 900)
+    text = refused(files, piled, tmp_path, capsys, "--ground-spacing", "0.01")
+    assert "over each other" in text
     assert "not there" in refused(files, tmp_path / "gone.obj", tmp_path, capsys)
 
 
