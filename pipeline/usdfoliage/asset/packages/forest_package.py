@@ -11,8 +11,8 @@ from pxr import Kind, Sdf, Usd
 
 from usdfoliage.asset.layer import NO_TIMES
 from usdfoliage.asset.materials.bark import BarkMaterial, author_bark_material
-from usdfoliage.asset.materials.ground import GroundMaterial, author_ground_material
-from usdfoliage.asset.materials.layer import BARK_MATERIAL, GROUND_MATERIAL, write_materials_layer
+from usdfoliage.asset.materials.ground import GROUND_SHADER, GroundMaterial, author_ground_material
+from usdfoliage.asset.materials.layer import BARK_MATERIAL, GROUND_MATERIAL, copy_shaders, write_materials_layer
 from usdfoliage.asset.packages.assembly import begin_asset
 from usdfoliage.asset.packages.interface import TILES, TileEntry, write_interface_layer, write_payload_layer
 from usdfoliage.asset.parts.leaf_part import MATERIAL_LAYER
@@ -90,6 +90,8 @@ def write_forest_asset(
         WriteError: A file cannot be written.
     """
     place = begin_asset(folder, name)
+    if forest.ground.shader:
+        copy_shaders(folder / "shaders", (GROUND_SHADER,))
     materials: list[MaterialAuthor] = [partial(_author_ground, ground=forest.ground), _author_bark]
     write_materials_layer(place.payload / MATERIAL_LAYER, name, materials)
     for number, tile in enumerate(forest.tiles):
