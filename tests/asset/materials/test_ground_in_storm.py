@@ -1,4 +1,4 @@
-"""What Storm draws of the ground: the orthophoto from afar, darker under plants."""
+"""What Storm draws of the ground: the orthophoto from afar, noise of mean 0 near by, and darker under plants."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -19,10 +19,12 @@ from usdfoliage.jobs.preview.recorder import find_interpreter
 pytestmark = pytest.mark.preview
 
 SIDE_M = 40.0
+PIXEL_M = 0.5  # of the orthophoto
 PLANT_M = np.array([12.0, 9.0])  # from the south-west corner
 CONTACT = ContactSettings(opacity=0.8, base_share=0.25, reach=3.0)
 GROUND = GroundMaterial(texture="./photo.png", contact_map="./contact.png", shader=f"./{GROUND_SHADER}")
-FINE = 160  # pixels of the picture across the ground
+FAR, MIDDLE, NEAR = 40, 160, 640  # pixels of the picture across the ground
+QUIET = {"colorNoise": 0.0, "normalNoise": 0.0}
 
 
 @pytest.fixture(scope="module")
@@ -87,14 +89,81 @@ def inner(pixels: int) -> np.ndarray:
 
 
 def test_ground_below_a_plant_is_darker_and_no_other(folder):
-    plain = draw(folder, replace(GROUND, shader=""), FINE)
-    ratio = (draw(folder, GROUND, FINE) / plain).mean(axis=-1)
-    east, north = middles_m(FINE)
+    plain = draw(folder, replace(GROUND, shader=""), MIDDLE)
+    ratio = (draw(folder, GROUND, MIDDLE, **QUIET) / plain).mean(axis=-1)
+    east, north = middles_m(MIDDLE)
     away_m = np.hypot(east - PLANT_M[0], north - PLANT_M[1])
-    np.testing.assert_allclose(ratio[(away_m > 7) & inner(FINE)], 1, atol=0.01)
+    np.testing.assert_allclose(ratio[(away_m > 7) & inner(MIDDLE)], 1, atol=0.01)
     assert ratio.min() == pytest.approx(1 - 0.8 * 0.5, abs=0.02)
     assert away_m.reshape(-1)[np.argmin(ratio)] < 0.5
     at_edge = 0.8 * 0.5 * (1 - 1 / np.sqrt(5)) * (1 - 1 / 9) ** 2
     assert ratio[np.abs(away_m - 2) < 0.2].mean() == pytest.approx(1 - at_edge, abs=0.02)
-    without = draw(folder, GROUND, FINE, contact=0.0)
-    np.testing.assert_allclose(without[inner(FINE)], plain[inner(FINE)], atol=1 / 255)
+    without = draw(folder, GROUND, MIDDLE, contact=0.0, **QUIET)
+    np.testing.assert_allclose(without[inner(MIDDLE)], plain[inner(MIDDLE)], atol=1 / 255)
+
+
+@pytest.fixture(scope="module")
+def near(folder):
+    """With noise and without."""
+    return draw(folder, GROUND, NEAR, contact=0.0), draw(folder, GROUND, NEAR, contact=0.0, **QUIET)
+
+
+def differences(drawn: np.ndarray, plain: np.ndarray) -> np.ndarray:
+    """By which part the inner pixels of a picture are brighter than those of another."""
+    return (drawn / plain).mean(axis=-1)[inner(len(plain))] - 1
+
+
+def test_from_afar_it_is_the_orthophoto(folder):
+    plain = draw(folder, replace(GROUND, shader=""), FAR)
+    drawn = draw(folder, GROUND, FAR, contact=0.0)
+    np.testing.assert_allclose(drawn[inner(FAR)], plain[inner(FAR)], atol=1 / 255)
+    quiet = draw(folder, GROUND, FAR, contact=0.0, **QUIET)
+    np.testing.assert_array_equal(drawn[inner(FAR)], quiet[inner(FAR)])
+
+
+def test_near_by_it_has_noise_that_keeps_the_mean_colour(near):
+    drawn, quiet = near
+    assert 0.1 < differences(drawn, quiet).std() < 0.5
+    east, _ = middles_m(NEAR)
+    for half in (east < SIDE_M / 2, east > SIDE_M / 2):
+        own = half & inner(NEAR)
+        np.testing.assert_allclose(drawn[own].mean(axis=0), quiet[own].mean(axis=0), atol=1 / 255)
+
+
+@pytest.mark.parametrize("kind", ["colorNoise", "normalNoise"])
+def test_colour_and_normal_have_noise_each(folder, near, kind):
+    drawn = draw(folder, GROUND, NEAR, contact=0.0, **{key: value for key, value in QUIET.items() if key != kind})
+    differs = differences(drawn, near[1])
+    assert differs.std() > 0.03
+    assert abs(differs.mean()) < 0.02
+
+
+def test_octaves_come_one_after_the_other_as_the_camera_comes_nearer(folder, near):
+    spreads = []
+    for pixels in (80, MIDDLE, 320):
+        pair = [draw(folder, GROUND, pixels, contact=0.0, **quiet) for quiet in ({}, QUIET)]
+        spreads.append(differences(*pair).std())
+    spreads.append(differences(*near).std())
+    assert spreads[0] == 0  # two pixels of the picture in the widest wave
+    assert (np.diff(spreads) > 0.02).all()
+
+
+def test_no_wave_is_as_narrow_as_two_pixels_so_that_nothing_shimmers(near):
+    side = NEAR // 2 - 60
+    patch = (near[0] / near[1])[40 : 40 + side, 20 : 20 + side, 0] * np.outer(np.hanning(side), np.hanning(side))
+    power = np.abs(np.fft.fft2(patch - patch.mean())) ** 2
+    waves = np.hypot(*np.meshgrid(np.fft.fftfreq(side), np.fft.fftfreq(side)))  # a pixel
+    assert power[waves > 0.4].sum() < 0.03 * power[waves > 0.02].sum()  # 1/2 in a picture of random pixels
+
+
+def test_noise_lies_on_the_ground_however_large_that_is_made(folder, near):
+    large = draw(folder, GROUND, NEAR, scale=100.0, contact=0.0)
+    # The lights and the orthophoto's place are computed in other numbers.
+    assert np.corrcoef(differences(large, near[1]), differences(*near))[0, 1] > 0.98
+
+
+def test_without_an_orthophoto_it_has_one_colour_with_noise(folder):
+    ground = replace(GROUND, texture="", contact_map="", color=(0.2, 0.3, 0.1))
+    drawn, plain = draw(folder, ground, NEAR), draw(folder, replace(ground, shader=""), NEAR)
+    assert differences(drawn, plain).std() > 0.1
+    np.testing.assert_allclose(drawn[inner(NEAR)].mean(axis=0), plain[inner(NEAR)].mean(axis=0), atol=1 / 255)

@@ -57,6 +57,7 @@ def test_storm_alone_is_given_the_dark_under_plants(files, tmp_path, tiles):
             assert file_of(stage, f"{material.GetPath()}/{texture}")
         storm = material.ComputeSurfaceSource("glslfx")[0]
         assert storm.GetSourceAsset("glslfx").resolvedPath
+        assert storm.GetInput("photoPixel").Get() == pytest.approx(0.5)
     report = validate_asset(tmp_path / "valley", read_profile(default_profile()))
     assert [finding for finding in report.findings if not finding.accepted] == []
 

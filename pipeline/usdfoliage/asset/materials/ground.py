@@ -1,6 +1,6 @@
 """The ground's material: the orthophoto, as UsdPreviewSurface and MaterialX draw it everywhere; glslfx for Storm.
 
-Storm's has more: it is darker under plants.
+Storm's has more: it is darker under plants, and has noise that is finer than the orthophoto.
 """
 
 from dataclasses import dataclass
@@ -21,6 +21,7 @@ class GroundMaterial:
     texture: str = ""  # the orthophoto, over the whole st; empty: one colour
     contact_map: str = ""  # the part of the sky that plants leave open, over the whole st; empty: all of it
     shader: str = ""  # the glslfx source; empty: Storm draws what others draw
+    photo_pixel_m: float = 0.5  # of the orthophoto on the ground; noise begins at twice that
     color: tuple[float, float, float] = GROUND_COLOR
     roughness: float = 0.95
 
@@ -93,5 +94,6 @@ def _author_storm_surface(material: UsdShade.Material, ground: GroundMaterial, t
         contact.CreateOutput("r", types.Float)
         storm.CreateInput("contactMap", types.Float).ConnectToSource(contact.ConnectableAPI(), "r")
     storm.CreateInput("groundColor", types.Color3f).Set(Gf.Vec3f(*ground.color))
+    storm.CreateInput("photoPixel", types.Float).Set(ground.photo_pixel_m)
     storm.CreateOutput("surface", types.Token)
     material.CreateSurfaceOutput("glslfx").ConnectToSource(storm.ConnectableAPI(), "surface")

@@ -37,9 +37,10 @@ def write_ground_maps(folder: Path, name: str, given: ForestInput, planting: Pla
     """
     (folder / "maps").mkdir(exist_ok=True)
     onto = given.terrain.heights
-    texture = ""
+    texture, pixel_m = "", GroundMaterial.photo_pixel_m
     if given.orthophoto is not None:
         copied = lay_photo(given.orthophoto, onto)
+        pixel_m = max(copied.cell_m, given.orthophoto.cell_m)
         height, width = copied.values.shape[:2]
         texture = f"{name}_orthophoto{'.png' if height * width <= LOSSLESS_PIXELS else '.jpg'}"
         write_picture(folder / "maps" / texture, encode_8_bits(encode_srgb(copied.values)), jpeg_quality=92)
@@ -53,6 +54,7 @@ def write_ground_maps(folder: Path, name: str, given: ForestInput, planting: Pla
         texture=f"{MAPS}/{texture}" if texture else "",
         contact_map=f"{MAPS}/{contact}" if contact else "",
         shader=f"{SHADERS}/{GROUND_SHADER}",
+        photo_pixel_m=pixel_m,
     )
 
 
