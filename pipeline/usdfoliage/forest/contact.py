@@ -17,7 +17,7 @@ MIN_TEXELS = 0.75  # radius of the smallest crown that is drawn; smaller ones ar
 class ContactSettings:
     """How much of the sky a crown takes away."""
 
-    opacity: float = 0.6  # of a crown, to the light of the sky
+    opacity: float = 0.8  # of a crown, to the light of the sky
     base_share: float = 0.3  # height of a crown above the ground, as a part of the plant's
     reach: float = 3.0  # radii of a crown, from where on nothing is darker
 

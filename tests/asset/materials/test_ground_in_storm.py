@@ -9,10 +9,12 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom
 from usdfoliage.asset.materials.ground import GROUND_SHADER, GroundMaterial, author_ground_material
 from usdfoliage.asset.materials.layer import GROUND_MATERIAL, copy_shaders, write_materials_layer
+from usdfoliage.asset.parts.sky import SkyPrim, write_sky_layer, write_sky_picture
 from usdfoliage.asset.parts.terrain import TerrainPrim, write_terrain_layer
 from usdfoliage.errors import PreviewError
 from usdfoliage.forest.contact import ContactSettings, open_sky
 from usdfoliage.forest.raster import Raster
+from usdfoliage.forest.sky import LUMINANCE, SUN_WIDTH_DEG, SkySettings, make_sky
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views
 from usdfoliage.jobs.preview.recorder import find_interpreter
 
@@ -50,8 +52,27 @@ def folder(tmp_path_factory):
     return folder
 
 
-def draw(folder: Path, ground: GroundMaterial, pixels: int, scale: float = 1.0, **inputs: float) -> np.ndarray:
-    """(pixels, pixels, 3) the ground from above, linear, north on top, all made larger by scale."""
+def draw(
+    folder: Path,
+    ground: GroundMaterial,
+    pixels: int,
+    *,
+    scale: float = 1.0,
+    turn_deg: float = 0.0,
+    lights: str = "",
+    **inputs: float,
+) -> np.ndarray:
+    """(pixels, pixels, 3) the ground from above, linear, north on top.
+
+    Args:
+        folder: Of the files.
+        ground: The material.
+        pixels: A side of the picture.
+        scale: By which ground and picture are larger.
+        turn_deg: By which the east side is lowered.
+        lights: Those of sky.usda, both or one; empty for the preview's.
+        inputs: Of Storm's material.
+    """
     name = f"shot_{len(list(folder.glob('shot_*')))}"
     layer = folder / f"{name}_materials.usda"
     write_materials_layer(
@@ -62,16 +83,21 @@ def draw(folder: Path, ground: GroundMaterial, pixels: int, scale: float = 1.0, 
     root = UsdGeom.Xform.Define(shot, "/valley")
     for each in (layer.name, "terrain.usda"):
         root.GetPrim().GetReferences().AddReference(f"./{each}")
+    root.AddRotateZOp().Set(-turn_deg)
     root.AddScaleOp().Set((scale, scale, scale))
     surface = shot.GetPrimAtPath(f"/valley/{GROUND_MATERIAL}/StormSurface")
     for key, value in inputs.items():
         surface.CreateAttribute(f"inputs:{key}", Sdf.ValueTypeNames.Float).Set(value)
+    if lights:
+        shot.DefinePrim("/light").GetReferences().AddReference("./sky.usda")
+        for other in {"Dome", "Sun"} - ({lights} if lights != "both" else {"Dome", "Sun"}):
+            shot.OverridePrim(f"/light/sky/{other}").SetActive(False)
     shot.Save()
     half = scale * SIDE_M / 2
     view = PreviewView(output=Path("unused.png"), direction="top", orthographic=True, window=(-half, half, -half, half))
     settings = PreviewSettings(width_px=pixels, height_px=pixels)
     picture = draw_views(Path(shot.GetRootLayer().realPath), [view], settings)[0]
-    assert picture[..., 3].min() == 1
+    assert picture[pixels // 4 : -pixels // 4, pixels // 4 : -pixels // 4, 3].min() == 1
     return picture[..., :3]
 
 
@@ -167,3 +193,22 @@ def test_without_an_orthophoto_it_has_one_colour_with_noise(folder):
     drawn, plain = draw(folder, ground, NEAR), draw(folder, replace(ground, shader=""), NEAR)
     assert differences(drawn, plain).std() > 0.1
     np.testing.assert_allclose(drawn[inner(NEAR)].mean(axis=0), plain[inner(NEAR)].mean(axis=0), atol=1 / 255)
+
+
+@pytest.mark.parametrize("shader", ["", GROUND.shader])
+def test_a_sky_lights_level_ground_as_white_and_a_slope_towards_the_sun_more(folder, shader):
+    white = replace(GROUND, texture="", contact_map="", shader=shader, color=(1.0, 1.0, 1.0))
+    sky = make_sky(SkySettings(azimuth_deg=90.0, elevation_deg=40.0))
+    write_sky_picture(folder / "sky.exr", sky.radiance)
+    prim = SkyPrim(
+        picture="./sky.exr", to_sun=sky.to_sun, sun_irradiance=sky.sun_irradiance, sun_width_deg=SUN_WIDTH_DEG
+    )
+    write_sky_layer(folder / "sky.usda", "valley", prim)
+    means = {}
+    for light in ("both", "Dome", "Sun"):
+        for turn_deg in (-30.0, 0.0, 30.0):  # the east side up, level, down
+            drawn = draw(folder, white, FAR, lights=light, turn_deg=turn_deg, **(QUIET if shader else {}))
+            means[light, turn_deg] = float((drawn[15:25, 15:25] @ LUMINANCE).mean())
+    assert means["both", 0] == pytest.approx(1, abs=0.03)
+    for light in ("Dome", "Sun"):
+        assert means[light, 30.0] > 1.05 * means[light, 0.0] > 1.05 * means[light, -30.0]

@@ -1,9 +1,11 @@
 """The ground of a forest: its pictures, and which renderer gets which."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
-from pxr import Usd, UsdGeom, UsdShade
+from pxr import Usd, UsdGeom, UsdLux, UsdShade
 from usdfoliage.__main__ import main
 from usdfoliage.asset.packages.leaf_package import write_crown_asset
 from usdfoliage.asset.provenance import Provenance
@@ -103,3 +105,26 @@ def test_pixels_of_the_pictures_lie_where_those_of_the_dem_do():
             np.testing.assert_allclose(to_ground(grid, places[1]), to_ground(dem, places[0]))
     photo = lay_photo(Raster(values=np.full((4, 4, 3), 0.3), ground_from_pixel=matrix), onto)
     np.testing.assert_allclose(photo.values, 0.3, atol=1e-6)
+
+
+@pytest.mark.parametrize("tiles", [(), ("--tile", "40")])
+def test_a_sky_is_an_option_and_stands_at_the_root(files, tmp_path, tiles, capsys):
+    stage = make(files, tmp_path / "valley", "--sky", "90", "30", *tiles)
+    lights = [prim for prim in stage.Traverse() if prim.HasAPI(UsdLux.LightAPI)]
+    assert [str(prim.GetPath()) for prim in lights] == ["/valley/sky/Dome", "/valley/sky/Sun"]
+    picture = UsdLux.DomeLight(lights[0]).GetTextureFileAttr().Get().resolvedPath
+    assert Path(picture).name == "valley_sky.exr"
+    assert UsdLux.DomeLight(lights[0]).GetTextureFormatAttr().Get() == "latlong"
+    shines = UsdGeom.Xformable(lights[1]).ComputeLocalToWorldTransform(0).TransformDir((0, 0, -1))
+    np.testing.assert_allclose(shines, [-np.cos(np.pi / 6), -0.5, 0], atol=1e-6)  # from the east
+    report = validate_asset(tmp_path / "valley", read_profile(default_profile()))
+    assert [finding for finding in report.findings if not finding.accepted] == []
+    capsys.readouterr()
+    assert main(["forest", str(files["dem"]), "--plants", str(files["plants"]), "--sky", "0", "95", "-o", "x"]) == 2
+    assert "elevation must be 1 to 90 degrees" in capsys.readouterr().err
+
+
+def test_without_that_option_it_has_no_lights(files, tmp_path):
+    stage = make(files, tmp_path / "valley")
+    assert not [prim for prim in stage.Traverse() if prim.HasAPI(UsdLux.LightAPI)]
+    assert not (tmp_path / "valley" / "maps" / "valley_sky.exr").exists()

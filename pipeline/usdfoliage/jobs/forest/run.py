@@ -19,6 +19,7 @@ from usdfoliage.files.hashing import hash_file
 from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.planting import Planting, PlantingSettings, plant_forest
 from usdfoliage.forest.raster import Raster
+from usdfoliage.forest.sky import SkySettings
 from usdfoliage.forest.terrain import GroundMesh, mesh_terrain, middle_of
 from usdfoliage.forest.tiles import MIN_QUADS, TileGrid, tile_ground
 from usdfoliage.jobs.forest.ground import write_ground_maps
@@ -33,6 +34,7 @@ from usdfoliage.jobs.forest.shots import (
     remark_units,
     shot_rows,
 )
+from usdfoliage.jobs.forest.sky import write_sky
 from usdfoliage.jobs.forest.tiles import split_forest
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.progress import Progress, StepProgress, follow_step
@@ -53,6 +55,7 @@ class ForestRequest:
     max_terrain_quads: int = 1_000_000
     lod_distance_m: tuple[float, float] = (100.0, 200.0)  # as the thesis has it, section 7.3
     shots: ShotRequest = field(default_factory=ShotRequest)
+    sky: SkySettings | None = None  # where the sun is; None for a forest without lights
     tile_m: float | None = None  # side of tiles; None for a forest in one piece
     force: bool = False
     keep_old: bool = False
@@ -146,6 +149,7 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
                 ForestParts(
                     tiles=tiles,
                     ground=ground,
+                    sky=None if request.sky is None else write_sky(folder, request.name, request.sky),
                     asset_from_terrain=asset_from_ground
                     @ np.diag([read.metres_per_unit, read.metres_per_unit, read.metres_per_height, 1.0]),
                 ),
@@ -279,6 +283,7 @@ def describe_settings(request: ForestRequest) -> Mapping[str, str]:
         "max-ground-cover": str(planting.max_ground_cover),
         "lod-distance": "{:g} {:g}".format(*request.lod_distance_m),
         "max-terrain-quads": str(request.max_terrain_quads),
+        **({} if request.sky is None else {"sky": f"{request.sky.azimuth_deg:g} {request.sky.elevation_deg:g}"}),
         **({} if request.tile_m is None else {"tile": f"{request.tile_m:g}"}),
         **_describe_shots(request.shots),
     }
