@@ -81,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="This file has the easting and northing of a tree on each line. Trees are not looked for then.",
     )
-    planting = parser.add_argument_group("of the plants")
+    planting = parser.add_argument_group("of the plants, their ground and its light")
     low_m, high_m = TreeTopSettings.radius_m
     planting.add_argument(
         "--crown-radius",
@@ -135,6 +135,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         help="The forest is in square tiles of this side in metres, each behind a payload of its own. Without this "
         "option it is in one piece.",
+    )
+    planting.add_argument(
+        "--sky",
+        metavar=("AZIMUTH", "ELEVATION"),
+        type=float,
+        nargs=2,
+        help="The forest has the light of a clear sky, whose sun stands so many degrees clockwise from north, and so "
+        "many above the horizon, from 1 to 90. Without this option it has no lights.",
     )
     shots = parser.add_argument_group("of shots")
     shots.add_argument(

@@ -11,19 +11,21 @@ from pxr import Kind, Sdf, Usd
 
 from usdfoliage.asset.layer import NO_TIMES
 from usdfoliage.asset.materials.bark import BarkMaterial, author_bark_material
-from usdfoliage.asset.materials.ground import GroundMaterial, author_ground_material
-from usdfoliage.asset.materials.layer import BARK_MATERIAL, GROUND_MATERIAL, write_materials_layer
+from usdfoliage.asset.materials.ground import GROUND_SHADER, GroundMaterial, author_ground_material
+from usdfoliage.asset.materials.layer import BARK_MATERIAL, GROUND_MATERIAL, copy_shaders, write_materials_layer
 from usdfoliage.asset.packages.assembly import begin_asset
 from usdfoliage.asset.packages.interface import TILES, TileEntry, write_interface_layer, write_payload_layer
 from usdfoliage.asset.parts.leaf_part import MATERIAL_LAYER
 from usdfoliage.asset.parts.part import MaterialAuthor
 from usdfoliage.asset.parts.planted import PlantedLevel, write_planted_layer
+from usdfoliage.asset.parts.sky import SKY, SkyPrim, write_sky_layer
 from usdfoliage.asset.parts.terrain import TerrainPrim, write_terrain_layer
 from usdfoliage.asset.plant import Plant, box_around
 from usdfoliage.asset.provenance import Provenance, needs_file, write_provenance_file
 from usdfoliage.asset.variants import VariantSet
 from usdfoliage.progress import Progress
 
+SKY_LAYER = f"{SKY}.usda"  # in the payload's folder
 LEVEL = "level"  # variant set: in which form all plants are drawn
 
 
@@ -59,6 +61,7 @@ class ForestParts:
 
     tiles: Sequence[ForestTile]  # one without a name, or as many as there are
     ground: GroundMaterial  # paths as seen from the payload's folder
+    sky: SkyPrim | None = None  # likewise; None for no lights
     asset_from_terrain: NDArray[np.float64]  # (4, 4), column vectors: easting, northing and height as the file has them
 
 
@@ -90,12 +93,18 @@ def write_forest_asset(
         WriteError: A file cannot be written.
     """
     place = begin_asset(folder, name)
+    if forest.ground.shader:
+        copy_shaders(folder / "shaders", (GROUND_SHADER,))
     materials: list[MaterialAuthor] = [partial(_author_ground, ground=forest.ground), _author_bark]
     write_materials_layer(place.payload / MATERIAL_LAYER, name, materials)
     for number, tile in enumerate(forest.tiles):
         _write_tile(tile_folder(place.payload, tile.name), tile, tile.name or name)
         if progress is not None:
             progress(number + 1, len(forest.tiles))
+    besides = []
+    if forest.sky is not None:
+        write_sky_layer(place.payload / SKY_LAYER, name, forest.sky)
+        besides.append(f"./payload/{SKY_LAYER}")
     boxes_m = [tile.extent_m for tile in forest.tiles]
     plant = Plant(
         provenance=provenance,
@@ -114,7 +123,9 @@ def write_forest_asset(
         for tile, box_m in zip(forest.tiles, boxes_m, strict=True)
         if tile.name
     }
-    write_interface_layer(interface, name, plant, [_levels_of(first)], times=_times_of(first.shots), tiles=tiled)
+    write_interface_layer(
+        interface, name, plant, [_levels_of(first)], times=_times_of(first.shots), tiles=tiled, besides=besides
+    )
     return interface
 
 

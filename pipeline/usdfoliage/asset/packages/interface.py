@@ -38,11 +38,12 @@ def write_interface_layer(
     frames: int = 0,
     times: Mapping[str, float] = NO_TIMES,
     tiles: Mapping[str, TileEntry] = NO_TILES,
+    besides: Sequence[str] = (),
 ) -> None:
     """Write what an application reads before it loads the asset: the root prim, and below it tiles, if there are any.
 
     frames is how many there are in variants that move; times, a range of time as metadata of a layer, goes before that.
-    Tiles have the variants of the root, and follow its choice.
+    Tiles have the variants of the root, and follow its choice. Layers besides, as seen from this one, are no payload.
     """
     stage = new_layer(path, name)
     if frames:
@@ -59,6 +60,7 @@ def write_interface_layer(
         _author_tiles(stage, root, tiles, variants)
     else:
         author_payload(stage, root, PAYLOAD)
+    author_references(stage, root, besides)
     author_provenance(stage.GetRootLayer(), plant.provenance)
     export_layer(stage, path)
 

@@ -8,6 +8,7 @@ from usdfoliage.errors import FoliageError
 from usdfoliage.forest.ground_frame import GroundSettings
 from usdfoliage.forest.planting import PlantingSettings
 from usdfoliage.forest.shots import ShotSettings
+from usdfoliage.forest.sky import SkySettings
 from usdfoliage.forest.tree_tops import TreeTopSettings
 from usdfoliage.jobs.forest.inputs import ForestFiles
 from usdfoliage.jobs.forest.run import ForestRequest
@@ -41,6 +42,7 @@ def read_forest_request(options: argparse.Namespace) -> ForestRequest:
             ),
             max_terrain_quads=options.max_terrain_quads,
             lod_distance_m=lod_distance_m,
+            sky=SkySettings(azimuth_deg=options.sky[0], elevation_deg=options.sky[1]) if options.sky else None,
             tile_m=options.tile,
             shots=ShotRequest(
                 files=tuple(options.camera),

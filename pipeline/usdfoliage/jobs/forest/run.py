@@ -4,13 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
 from usdfoliage.asset.asset_record import AssetOrigin
-from usdfoliage.asset.materials.ground import GroundMaterial
 from usdfoliage.asset.packages.forest_package import ForestParts, ForestTile, tile_folder, write_forest_asset
 from usdfoliage.asset.packages.planted_assets import PlantedAsset
 from usdfoliage.asset.parts.terrain import TerrainPrim
@@ -21,9 +19,10 @@ from usdfoliage.files.hashing import hash_file
 from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.planting import Planting, PlantingSettings, plant_forest
 from usdfoliage.forest.raster import Raster
+from usdfoliage.forest.sky import SkySettings
 from usdfoliage.forest.terrain import GroundMesh, mesh_terrain, middle_of
 from usdfoliage.forest.tiles import MIN_QUADS, TileGrid, tile_ground
-from usdfoliage.geometry.color import encode_srgb
+from usdfoliage.jobs.forest.ground import write_ground_maps
 from usdfoliage.jobs.forest.inputs import ForestFiles, ReadForest, describe_files, read_forest
 from usdfoliage.jobs.forest.levels import count_rows, levels_of, make_level, measure_plants
 from usdfoliage.jobs.forest.report import ForestReport, draw_forest, draw_shots, write_forest_report
@@ -35,16 +34,14 @@ from usdfoliage.jobs.forest.shots import (
     remark_units,
     shot_rows,
 )
+from usdfoliage.jobs.forest.sky import write_sky
 from usdfoliage.jobs.forest.tiles import split_forest
-from usdfoliage.jobs.report.pictures import write_picture
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.progress import Progress, StepProgress, follow_step
 from usdfoliage.remarks import Argument, Remark, RenderSetting, as_plan_setting, label_remarks, remark
 
 STEPS = ("read", "plants", "planting", "asset", "preview")
-MAX_SIDE_PX = 8192  # of the orthophoto's copy in the asset
 MAX_TERRAIN_QUADS = 50_000_000
-LOSSLESS_PIXELS = 4_000_000  # up to which it is a PNG
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +55,7 @@ class ForestRequest:
     max_terrain_quads: int = 1_000_000
     lod_distance_m: tuple[float, float] = (100.0, 200.0)  # as the thesis has it, section 7.3
     shots: ShotRequest = field(default_factory=ShotRequest)
+    sky: SkySettings | None = None  # where the sun is; None for a forest without lights
     tile_m: float | None = None  # side of tiles; None for a forest in one piece
     force: bool = False
     keep_old: bool = False
@@ -114,7 +112,7 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
         with follow_step("asset", seconds, progress):
             origin_m = middle_of(read.planted.terrain)
             asset_from_ground = frame_of(origin_m)
-            texture = _write_orthophoto(folder, request.name, read.planted.orthophoto, read.planted.terrain.heights)
+            ground = write_ground_maps(folder, request.name, read.planted, planting)
             mesh = mesh_terrain(read.planted.terrain, request.max_terrain_quads)
             points = np.column_stack([mesh.places_m, np.ones(len(mesh.places_m))]) @ asset_from_ground.T
             terrain = TerrainPrim(points_m=points[:, :3], faces=mesh.faces, st=mesh.st)
@@ -134,8 +132,8 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
                 for name in levels_of(assets)
             ]
             bounds = _picture_bounds(read.planted.terrain.heights, origin_m)
-            if texture and bounds is not None:
-                seen_from_layers = texture if grid is None else f"../../{texture}"
+            if ground.texture and bounds is not None:
+                seen_from_layers = ground.texture if grid is None else f"../../{ground.texture}"
                 levels = [replace(level, orthophoto=seen_from_layers, orthophoto_bounds_m=bounds) for level in levels]
             may_be_full = np.array([asset.full is not None for asset in assets])[planting.row]
             by_name = {level.name: level for level in levels}
@@ -150,7 +148,8 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
                 request.name,
                 ForestParts(
                     tiles=tiles,
-                    ground=GroundMaterial(texture=texture),
+                    ground=ground,
+                    sky=None if request.sky is None else write_sky(folder, request.name, request.sky),
                     asset_from_terrain=asset_from_ground
                     @ np.diag([read.metres_per_unit, read.metres_per_unit, read.metres_per_height, 1.0]),
                 ),
@@ -290,6 +289,7 @@ def describe_settings(request: ForestRequest) -> Mapping[str, str]:
         "lod-distance": "{:g} {:g}".format(*request.lod_distance_m),
         "max-terrain-quads": str(request.max_terrain_quads),
         **({} if request.files.ground.spacing_m is None else {"ground-spacing": f"{request.files.ground.spacing_m:g}"}),
+        **({} if request.sky is None else {"sky": f"{request.sky.azimuth_deg:g} {request.sky.elevation_deg:g}"}),
         **({} if request.tile_m is None else {"tile": f"{request.tile_m:g}"}),
         **_describe_shots(request.shots),
     }
@@ -362,30 +362,3 @@ def _provenance(request: ForestRequest, assets: Sequence[PlantedAsset]) -> Prove
         input_sha256=combined_sha256(inputs),
         inputs=inputs,
     )
-
-
-def _write_orthophoto(folder: Path, name: str, photo: Raster | None, onto: Raster) -> str:
-    """The orthophoto over the rectangle of the DEM, in the asset's maps; its path from the payload, empty of none."""
-    if photo is None:
-        return ""
-    height, width = onto.values.shape
-    finer = max(1.0, onto.cell_m / photo.cell_m)
-    factor = min(finer, MAX_SIDE_PX / max(height, width))
-    size = max(1, round(width * factor)), max(1, round(height * factor))
-    # From a pixel of the copy to one of the orthophoto, both counted from the middle of the first pixel.
-    matrix = np.vstack([photo.ground_from_pixel, [0, 0, 1]])
-    target = np.vstack([onto.ground_from_pixel, [0, 0, 1]]) @ np.diag([width / size[0], height / size[1], 1.0])
-    half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])
-    source = np.linalg.inv(half) @ np.linalg.inv(matrix) @ target @ half
-    picture = cv2.warpAffine(
-        np.ascontiguousarray(np.nan_to_num(photo.values), np.float32),
-        source[:2],
-        size,
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        borderMode=cv2.BORDER_REPLICATE,
-    )
-    file = f"{name}_orthophoto{'.png' if size[0] * size[1] <= LOSSLESS_PIXELS else '.jpg'}"
-    encoded = np.rint(np.clip(np.asarray(encode_srgb(picture)), 0, 1) * 255).astype(np.uint8)
-    (folder / "maps").mkdir(exist_ok=True)
-    write_picture(folder / "maps" / file, encoded, jpeg_quality=92)
-    return f"../maps/{file}"

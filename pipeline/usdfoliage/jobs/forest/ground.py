@@ -1,0 +1,99 @@
+"""What lies on the ground of a forest, as pictures: the orthophoto, and how dark it is under plants."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.asset.materials.ground import GROUND_SHADER, GroundMaterial
+from usdfoliage.asset.parts.part import MAPS, SHADERS
+from usdfoliage.forest.contact import open_sky
+from usdfoliage.forest.planting import ForestInput, Planting
+from usdfoliage.forest.raster import Raster
+from usdfoliage.geometry.color import encode_srgb
+from usdfoliage.jobs.report.pictures import write_picture
+
+MAX_SIDE_PX = 8192  # of the orthophoto's copy in the asset
+LOSSLESS_PIXELS = 4_000_000  # up to which it is a PNG
+CONTACT_SIDE_PX = 2048  # at most, of the picture of what is dark under plants
+CONTACT_TEXEL_M = 0.25  # at least
+
+
+def write_ground_maps(folder: Path, name: str, given: ForestInput, planting: Planting) -> GroundMaterial:
+    """Write the pictures of the ground into an asset's maps, all over the rectangle of the DEM.
+
+    Args:
+        folder: Of the asset.
+        name: Of the asset, with which their names begin.
+        given: The terrain, and its orthophoto where there is one.
+        planting: What stands on it.
+
+    Returns:
+        The ground's material, with paths as seen from the payload.
+
+    Raises:
+        WriteError: A file cannot be written.
+    """
+    (folder / "maps").mkdir(exist_ok=True)
+    onto = given.terrain.heights
+    texture, pixel_m = "", GroundMaterial.photo_pixel_m
+    if given.orthophoto is not None:
+        copied = lay_photo(given.orthophoto, onto)
+        pixel_m = max(copied.cell_m, given.orthophoto.cell_m)
+        height, width = copied.values.shape[:2]
+        texture = f"{name}_orthophoto{'.png' if height * width <= LOSSLESS_PIXELS else '.jpg'}"
+        write_picture(folder / "maps" / texture, encode_8_bits(encode_srgb(copied.values)), jpeg_quality=92)
+    contact = ""
+    if len(planting):
+        contact = f"{name}_contact.png"
+        grid = contact_grid(onto)
+        sky = open_sky(grid, planting.ground_m, planting.radius_m, planting.height_m)
+        write_picture(folder / "maps" / contact, encode_8_bits(sky))
+    return GroundMaterial(
+        texture=f"{MAPS}/{texture}" if texture else "",
+        contact_map=f"{MAPS}/{contact}" if contact else "",
+        shader=f"{SHADERS}/{GROUND_SHADER}",
+        photo_pixel_m=pixel_m,
+    )
+
+
+def lay_photo(photo: Raster, onto: Raster) -> Raster:
+    """The orthophoto (H, W, 3) over the rectangle of the DEM, linear, as fine as it is itself."""
+    height, width = onto.values.shape
+    finer = max(1.0, onto.cell_m / photo.cell_m)
+    factor = min(finer, MAX_SIDE_PX / max(height, width))
+    size = max(1, round(width * factor)), max(1, round(height * factor))
+    target = _divide(onto, size)
+    # From a pixel of the copy to one of the orthophoto, both counted from the middle of the first pixel.
+    half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])
+    matrices = [np.vstack([each, [0, 0, 1]]) for each in (photo.ground_from_pixel, target)]
+    source = np.linalg.inv(half) @ np.linalg.inv(matrices[0]) @ matrices[1] @ half
+    picture = cv2.warpAffine(
+        np.ascontiguousarray(np.nan_to_num(photo.values), np.float32),
+        source[:2],
+        size,
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return Raster(values=picture, ground_from_pixel=target, crs=onto.crs)
+
+
+def contact_grid(onto: Raster) -> Raster:
+    """Pixels over the rectangle of the DEM, of CONTACT_TEXEL_M, or larger ones where these were too many."""
+    height, width = onto.values.shape
+    sides_m = np.linalg.norm(onto.ground_from_pixel[:, :2], axis=0) * [width, height]
+    texel_m = max(CONTACT_TEXEL_M, float(sides_m.max()) / CONTACT_SIDE_PX)
+    columns, rows = (max(1, round(side_m / texel_m)) for side_m in sides_m.tolist())
+    return Raster(values=np.zeros((rows, columns)), ground_from_pixel=_divide(onto, (columns, rows)), crs=onto.crs)
+
+
+def encode_8_bits(values: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """Numbers from 0 to 1 as bytes."""
+    return np.rint(np.clip(np.asarray(values), 0, 1) * 255).astype(np.uint8)
+
+
+def _divide(onto: Raster, size: tuple[int, int]) -> NDArray[np.float64]:
+    """(2, 3) ground_from_pixel of the same rectangle with other numbers of columns and rows."""
+    height, width = onto.values.shape[:2]
+    return np.asarray(onto.ground_from_pixel @ np.diag([width / size[0], height / size[1], 1.0]))

@@ -1,0 +1,130 @@
+"""The ground of a forest: its pictures, and which renderer gets which."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom, UsdLux, UsdShade
+from usdfoliage.__main__ import main
+from usdfoliage.asset.packages.leaf_package import write_crown_asset
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
+from usdfoliage.asset.validation.validate import validate_asset
+from usdfoliage.forest.raster import Raster, to_ground
+from usdfoliage.jobs.forest.ground import CONTACT_SIDE_PX, contact_grid, lay_photo
+
+from tests.support.forests.scene import forest_scene, write_forest_files
+from tests.support.plant_assets import round_crown
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("a valley")
+    paths = write_forest_files(folder, forest_scene())
+    (folder / "oak").mkdir()
+    provenance = Provenance(capture="crown.jpg", generator="test", seed=0, input_sha256="0")
+    write_crown_asset(folder / "oak", "oak", round_crown(), provenance)
+    return paths
+
+
+def make(files, out, *more: str) -> Usd.Stage:
+    given = [text for name in files if name != "dem" for text in (f"--{name}", str(files[name]))]
+    assert main(["forest", str(files["dem"]), *given, *more, "-o", str(out), "--no-preview", "--reproducible"]) == 0
+    return Usd.Stage.Open(str(out / f"{out.name}.usda"))
+
+
+def file_of(stage: Usd.Stage, path: str) -> str:
+    """The file that a texture names, as it is found."""
+    return stage.GetPrimAtPath(path).GetAttribute("inputs:file").Get().resolvedPath
+
+
+@pytest.mark.parametrize("tiles", [(), ("--tile", "40")])
+def test_storm_alone_is_given_the_dark_under_plants(files, tmp_path, tiles):
+    stage = make(files, tmp_path / "valley", *tiles)
+    meshes = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh) and prim.GetName() == "terrain"]
+    assert len(meshes) == (4 if tiles else 1)
+    for mesh in meshes:
+        material, _ = UsdShade.MaterialBindingAPI(mesh).ComputeBoundMaterial()
+        read = {}
+        for context in ("glslfx", "mtlx", ""):
+            surface = material.ComputeSurfaceSource(context)[0]
+            read[context] = {
+                source.source.GetPrim().GetName()
+                for given in surface.GetInputs()
+                for source in given.GetConnectedSources()[0]
+            }
+        assert read == {"glslfx": {"Texture", "ContactMap"}, "mtlx": {"MtlxImage"}, "": {"Texture"}}
+        for texture in ("Texture", "ContactMap", "MtlxImage"):
+            assert file_of(stage, f"{material.GetPath()}/{texture}")
+        storm = material.ComputeSurfaceSource("glslfx")[0]
+        assert storm.GetSourceAsset("glslfx").resolvedPath
+        assert storm.GetInput("photoPixel").Get() == pytest.approx(0.5)
+    report = validate_asset(tmp_path / "valley", read_profile(default_profile()))
+    assert [finding for finding in report.findings if not finding.accepted] == []
+
+
+def test_the_map_is_dark_where_plants_stand(files, tmp_path):
+    stage = make(files, tmp_path / "valley")
+    scene = forest_scene()
+    sky = cv2.imread(file_of(stage, "/valley/mtl/Ground/ContactMap"), cv2.IMREAD_UNCHANGED) / 255
+    assert sky.shape == (320, 320)
+    grid = contact_grid(scene.dem)
+    assert grid.values.shape == sky.shape
+    row, column = np.mgrid[:320, :320] + 0.5
+    ground_m = to_ground(grid, np.stack([column, row], axis=-1).reshape(-1, 2))
+    away = np.linalg.norm(ground_m[:, None] - scene.trees_m, axis=2) / scene.radius_m
+    nearest = away.min(axis=1).reshape(sky.shape)
+    under, between = sky[nearest < 0.3], sky[nearest > 1.5]
+    assert under.max() < between.mean() < 1
+    assert under.mean() < 0.8
+
+
+def test_no_plants_and_no_orthophoto_are_a_plain_ground(files, tmp_path):
+    only = {name: files[name] for name in ("dem", "plants")}
+    stage = make(only, tmp_path / "valley")
+    ground = stage.GetPrimAtPath("/valley/mtl/Ground")
+    assert {child.GetName() for child in ground.GetChildren()} == {
+        "PreviewSurface",
+        "MtlxColor",
+        "MtlxSurface",
+        "StormSurface",
+    }
+    assert list((tmp_path / "valley" / "maps").iterdir()) == []
+
+
+def test_pixels_of_the_pictures_lie_where_those_of_the_dem_do():
+    matrix = np.array([[3.0, 0.5, 100.0], [0.4, -2.0, 900.0]])
+    onto = Raster(values=np.zeros((30, 50)), ground_from_pixel=matrix)
+    large = Raster(values=np.zeros((300, 3000)), ground_from_pixel=matrix)
+    for dem in (onto, large):
+        grid = contact_grid(dem)
+        assert max(grid.values.shape) <= CONTACT_SIDE_PX
+        for corner in ((0, 0), (1, 0), (1, 1)):
+            places = [np.array([corner]) * np.array(each.values.shape[::-1]) for each in (dem, grid)]
+            np.testing.assert_allclose(to_ground(grid, places[1]), to_ground(dem, places[0]))
+    photo = lay_photo(Raster(values=np.full((4, 4, 3), 0.3), ground_from_pixel=matrix), onto)
+    np.testing.assert_allclose(photo.values, 0.3, atol=1e-6)
+
+
+@pytest.mark.parametrize("tiles", [(), ("--tile", "40")])
+def test_a_sky_is_an_option_and_stands_at_the_root(files, tmp_path, tiles, capsys):
+    stage = make(files, tmp_path / "valley", "--sky", "90", "30", *tiles)
+    lights = [prim for prim in stage.Traverse() if prim.HasAPI(UsdLux.LightAPI)]
+    assert [str(prim.GetPath()) for prim in lights] == ["/valley/sky/Dome", "/valley/sky/Sun"]
+    picture = UsdLux.DomeLight(lights[0]).GetTextureFileAttr().Get().resolvedPath
+    assert Path(picture).name == "valley_sky.exr"
+    assert UsdLux.DomeLight(lights[0]).GetTextureFormatAttr().Get() == "latlong"
+    shines = UsdGeom.Xformable(lights[1]).ComputeLocalToWorldTransform(0).TransformDir((0, 0, -1))
+    np.testing.assert_allclose(shines, [-np.cos(np.pi / 6), -0.5, 0], atol=1e-6)  # from the east
+    report = validate_asset(tmp_path / "valley", read_profile(default_profile()))
+    assert [finding for finding in report.findings if not finding.accepted] == []
+    capsys.readouterr()
+    assert main(["forest", str(files["dem"]), "--plants", str(files["plants"]), "--sky", "0", "95", "-o", "x"]) == 2
+    assert "elevation must be 1 to 90 degrees" in capsys.readouterr().err
+
+
+def test_without_that_option_it_has_no_lights(files, tmp_path):
+    stage = make(files, tmp_path / "valley")
+    assert not [prim for prim in stage.Traverse() if prim.HasAPI(UsdLux.LightAPI)]
+    assert not (tmp_path / "valley" / "maps" / "valley_sky.exr").exists()
