@@ -78,6 +78,12 @@ def open_sky(
     return np.exp(lost).astype(np.float32).reshape(rows, columns)
 
 
+def count_texels(texel_m: float, radius_m: Floats, settings: ContactSettings = ContactSettings()) -> float:
+    """About how many texels open_sky computes for square ones of this side and crowns (N,)."""
+    wide = np.maximum(radius_m / texel_m, MIN_TEXELS)
+    return float(((2 * np.ceil(settings.reach * wide) + 1) ** 2).sum())
+
+
 def disc_share(away: Floats, height: Floats) -> Floats:
     """The part of an even sky's light on level ground that a disc overhead keeps off, 0 to 1.
 

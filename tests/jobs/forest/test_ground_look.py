@@ -69,7 +69,7 @@ def test_the_map_is_dark_where_plants_stand(files, tmp_path):
     scene = forest_scene()
     sky = cv2.imread(file_of(stage, "/valley/mtl/Ground/ContactMap"), cv2.IMREAD_UNCHANGED) / 255
     assert sky.shape == (320, 320)
-    grid = contact_grid(scene.dem)
+    grid = contact_grid(scene.dem, scene.radius_m)
     assert grid.values.shape == sky.shape
     row, column = np.mgrid[:320, :320] + 0.5
     ground_m = to_ground(grid, np.stack([column, row], axis=-1).reshape(-1, 2))
@@ -93,12 +93,20 @@ def test_no_plants_and_no_orthophoto_are_a_plain_ground(files, tmp_path):
     assert list((tmp_path / "valley" / "maps").iterdir()) == []
 
 
+def test_many_crowns_have_coarser_pixels_but_none_wider_than_two_of_them():
+    dem = Raster(values=np.zeros((2000, 2000)), ground_from_pixel=np.array([[1.0, 0, 0], [0, -1.0, 2000]]))
+    few, many, more = (contact_grid(dem, np.full(count, 2.0)).cell_m for count in (100, 40_000, 4_000_000))
+    assert few == pytest.approx(2000 / CONTACT_SIDE_PX, rel=0.01)
+    assert few < many < more
+    assert more <= 4 * 1.25
+
+
 def test_pixels_of_the_pictures_lie_where_those_of_the_dem_do():
     matrix = np.array([[3.0, 0.5, 100.0], [0.4, -2.0, 900.0]])
     onto = Raster(values=np.zeros((30, 50)), ground_from_pixel=matrix)
     large = Raster(values=np.zeros((300, 3000)), ground_from_pixel=matrix)
     for dem in (onto, large):
-        grid = contact_grid(dem)
+        grid = contact_grid(dem, np.zeros(0))
         assert max(grid.values.shape) <= CONTACT_SIDE_PX
         for corner in ((0, 0), (1, 0), (1, 1)):
             places = [np.array([corner]) * np.array(each.values.shape[::-1]) for each in (dem, grid)]

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from usdfoliage.asset.materials.ground import GROUND_SHADER, GroundMaterial
 from usdfoliage.asset.parts.part import MAPS, SHADERS
-from usdfoliage.forest.contact import open_sky
+from usdfoliage.forest.contact import count_texels, open_sky
+from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.planting import ForestInput, Planting
 from usdfoliage.forest.raster import Raster
 from usdfoliage.geometry.color import encode_srgb
@@ -18,6 +19,8 @@ MAX_SIDE_PX = 8192  # of the orthophoto's copy in the asset
 LOSSLESS_PIXELS = 4_000_000  # up to which it is a PNG
 CONTACT_SIDE_PX = 2048  # at most, of the picture of what is dark under plants
 CONTACT_TEXEL_M = 0.25  # at least
+CONTACT_TEXELS = 5e6  # under all crowns together, so that a large forest takes a second
+COARSEST = 0.5  # of a texel, that the median crown is wide at least
 
 
 def write_ground_maps(folder: Path, name: str, given: ForestInput, planting: Planting) -> GroundMaterial:
@@ -45,10 +48,12 @@ def write_ground_maps(folder: Path, name: str, given: ForestInput, planting: Pla
         texture = f"{name}_orthophoto{'.png' if height * width <= LOSSLESS_PIXELS else '.jpg'}"
         write_picture(folder / "maps" / texture, encode_8_bits(encode_srgb(copied.values)), jpeg_quality=92)
     contact = ""
-    if len(planting):
+    crowned = np.array([row.kind != PlantKind.GRASS for row in given.plants.rows])[planting.row]
+    if crowned.any():
         contact = f"{name}_contact.png"
-        grid = contact_grid(onto)
-        sky = open_sky(grid, planting.ground_m, planting.radius_m, planting.height_m)
+        radius_m = planting.radius_m[crowned]
+        grid = contact_grid(onto, radius_m)
+        sky = open_sky(grid, planting.ground_m[crowned], radius_m, planting.height_m[crowned])
         write_picture(folder / "maps" / contact, encode_8_bits(sky))
     return GroundMaterial(
         texture=f"{MAPS}/{texture}" if texture else "",
@@ -79,11 +84,14 @@ def lay_photo(photo: Raster, onto: Raster) -> Raster:
     return Raster(values=picture, ground_from_pixel=target, crs=onto.crs)
 
 
-def contact_grid(onto: Raster) -> Raster:
-    """Pixels over the rectangle of the DEM, of CONTACT_TEXEL_M, or larger ones where these were too many."""
+def contact_grid(onto: Raster, radius_m: NDArray[np.float64]) -> Raster:
+    """Pixels over the rectangle of the DEM, of CONTACT_TEXEL_M, or larger ones where these or crowns (N,) are many."""
     height, width = onto.values.shape
     sides_m = np.linalg.norm(onto.ground_from_pixel[:, :2], axis=0) * [width, height]
     texel_m = max(CONTACT_TEXEL_M, float(sides_m.max()) / CONTACT_SIDE_PX)
+    coarsest_m = float(np.median(radius_m)) / COARSEST if len(radius_m) else 0.0
+    while texel_m < coarsest_m and count_texels(texel_m, radius_m) > CONTACT_TEXELS:
+        texel_m *= 1.25
     columns, rows = (max(1, round(side_m / texel_m)) for side_m in sides_m.tolist())
     return Raster(values=np.zeros((rows, columns)), ground_from_pixel=_divide(onto, (columns, rows)), crs=onto.crs)
 
