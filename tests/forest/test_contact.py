@@ -23,13 +23,13 @@ def darkened(onto: Raster, places_m, radius_m, height_m, settings=ContactSetting
 
 @pytest.mark.parametrize("height", [0.2, 1.0, 3.0])
 def test_a_disc_overhead_takes_the_share_of_a_cone(height):
-    assert disc_share(np.zeros(1), np.full(1, height))[0] == pytest.approx(1 / (1 + height**2))
+    assert disc_share(np.zeros(1), np.full(1, height**2))[0] == pytest.approx(1 / (1 + height**2))
     # By the sky's own directions: those that meet the disc, each by the cosine from the vertical.
     across, turn = np.meshgrid(np.sqrt((np.arange(400) + 0.5) / 400), 2 * np.pi * (np.arange(400) + 0.5) / 400)
     reach = height * across / np.sqrt(1 - across**2)
     for away in (0.5, 1.0, 2.0):
         meets = (reach * np.cos(turn) - away) ** 2 + (reach * np.sin(turn)) ** 2 < 1
-        assert disc_share(np.full(1, away), np.full(1, height))[0] == pytest.approx(meets.mean(), abs=2e-3)
+        assert disc_share(np.full(1, away**2), np.full(1, height**2))[0] == pytest.approx(meets.mean(), abs=2e-3)
 
 
 def test_one_plant_darkens_its_middle_and_its_edge_as_a_disc_does():

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.forest.raster import Raster, to_ground, to_pixels
+from usdfoliage.forest.raster import Raster, to_pixels
 
 Floats = NDArray[np.float64]
 
@@ -64,16 +64,21 @@ def open_sky(
     sizes, which = np.unique(half, axis=0, return_inverse=True)
     for number, (across, down) in enumerate(sizes.tolist()):
         row, column = np.mgrid[-down : down + 1, -across : across + 1].reshape(2, -1)
+        offset_m = (np.stack([column, row], axis=-1) + 0.5) @ onto.ground_from_pixel[:, :2].T  # of texels from a corner
         own = np.flatnonzero(which.reshape(-1) == number)
         for some in np.array_split(own, max(1, -(-len(own) * len(row) // BATCH))):
             first = np.floor(place[some]).astype(np.int64)
+            within_m = (place[some] - first) @ onto.ground_from_pixel[:, :2].T
+            square = (offset_m[:, 0] - within_m[:, :1]) ** 2
+            square += (offset_m[:, 1] - within_m[:, 1:]) ** 2
+            square /= wide_m[some, None] ** 2
+            share = disc_share(square, ((base_m / wide_m)[some, None]) ** 2)
+            square /= -(settings.reach**2)
+            square += 1
+            share *= np.maximum(square, 0) ** 2  # nothing beyond the reach, without an edge
             x, y = first[:, :1] + column, first[:, 1:] + row  # (K, texels)
-            middles_m = to_ground(onto, np.stack([x, y], axis=-1).reshape(-1, 2) + 0.5).reshape(*x.shape, 2)
-            away = np.linalg.norm(middles_m - ground_m[some, None], axis=2) / wide_m[some, None]
-            share = disc_share(away, (base_m / wide_m)[some, None])
-            share *= np.maximum(1 - (away / settings.reach) ** 2, 0) ** 2  # nothing beyond the reach, without an edge
             inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows) & (share > 0)
-            left = np.log(np.maximum(1 - faint[some, None] * share, 1e-6))
+            left = np.log1p(np.maximum(-faint[some, None] * share, 1e-6 - 1))
             np.add.at(lost, (y * columns + x)[inside], left[inside])
     return np.exp(lost).astype(np.float32).reshape(rows, columns)
 
@@ -84,15 +89,15 @@ def count_texels(texel_m: float, radius_m: Floats, settings: ContactSettings = C
     return float(((2 * np.ceil(settings.reach * wide) + 1) ** 2).sum())
 
 
-def disc_share(away: Floats, height: Floats) -> Floats:
+def disc_share(away_squared: Floats, height_squared: Floats) -> Floats:
     """The part of an even sky's light on level ground that a disc overhead keeps off, 0 to 1.
 
     Args:
-        away: From the place below the disc's middle, in radii of the disc; any shape.
-        height: Of the disc, in radii, above 0; the same shape or one that spreads to it.
+        away_squared: Square of the way from the place below the disc's middle, in radii of the disc; any shape.
+        height_squared: Square of the disc's height, in radii, above 0; the same shape or one that spreads to it.
 
     Source:
         J. R. Howell, A catalog of radiation heat transfer configuration factors, B-13: an element parallel to a disc.
     """
-    square = height**2 + away**2
-    return np.asarray(0.5 * (1 - (square - 1) / np.sqrt(np.maximum((square - 1) ** 2 + 4 * height**2, 1e-30))))
+    beyond = away_squared + height_squared - 1
+    return np.asarray(0.5 * (1 - beyond / np.sqrt(np.maximum(beyond**2 + 4 * height_squared, 1e-30))))

@@ -20,51 +20,29 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
-import rasterio
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 from usdfoliage.asset.packages.forest_package import LEVEL
 from usdfoliage.asset.shot_camera import read_shot_camera
 from usdfoliage.jobs.forest.report import pinhole_of
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views
 
+from tools.bench.forest.scenes import write_flight, write_inputs
+
 CELL_M = 5.0
-WEST, NORTH = 455_000.0, 4_670_000.0
 
 
-def write_ground(folder: Path, crown: Path, plants: int, side_m: float) -> list[str]:
-    """A DEM, trunks and plants.toml; returns the arguments of usdfoliage forest."""
+def write_ridge(folder: Path, crown: Path, plants: int, side_m: float) -> list[str]:
+    """The inputs of a forest on a ridge; returns the arguments of usdfoliage forest."""
     cells = int(side_m / CELL_M)
     row, column = np.mgrid[:cells, :cells]
     heights = 300 + 0.12 * side_m * np.exp(-np.square((row - 0.4 * cells) / (0.2 * cells))) + 8 * np.sin(column / 9)
-    transform = rasterio.transform.from_origin(WEST, NORTH, CELL_M, CELL_M)
-    profile = {"height": cells, "width": cells, "count": 1, "dtype": "float32", "crs": "EPSG:25831"}
-    with rasterio.open(folder / "dem.tif", "w", driver="GTiff", transform=transform, **profile) as file:
-        file.write(heights.astype(np.float32), 1)
-    places = np.array([WEST, NORTH - side_m]) + np.random.default_rng(0).uniform(CELL_M, side_m - CELL_M, (plants, 2))
-    np.savetxt(folder / "trunks.csv", places, fmt="%.2f", delimiter=",")
-    row = f'[[plant]]\nspecies = "oak"\nkind = "tree"\nasset = "{crown.resolve()}"\nheight_m = [5, 12]\nshare = 1\n'
-    (folder / "plants.toml").write_text(row, encoding="utf-8")
-    return [str(folder / "dem.tif"), "--plants", str(folder / "plants.toml"), "--trunks", str(folder / "trunks.csv")]
+    return write_inputs(folder, crown, [("oak", 1, 5, 12)], heights, CELL_M, plants)
 
 
-def write_flight(path: Path, side_m: float, frames: int) -> Path:
-    """A camera that flies to the north, over the ridge."""
-    stage = Usd.Stage.CreateNew(str(path))
-    UsdGeom.SetStageUpAxis(stage, "Y")
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    stage.SetStartTimeCode(1)
-    stage.SetEndTimeCode(frames)
-    camera = UsdGeom.Camera.Define(stage, "/cam")
-    camera.CreateFocalLengthAttr(24.0)
-    camera.CreateHorizontalApertureAttr(36.0)
-    camera.CreateVerticalApertureAttr(24.0)
-    place = camera.AddTransformOp()
-    for frame in range(1, frames + 1):
-        eye = Gf.Vec3d(0, 0.16 * side_m, side_m * (0.5 - 0.5 * (frame - 1) / max(frames - 1, 1)))
-        view = Gf.Matrix4d().SetLookAt(eye, eye + Gf.Vec3d(0.1, -0.35, -1), Gf.Vec3d(0, 1, 0))
-        place.Set(view.GetInverse(), frame)
-    stage.GetRootLayer().Save()
-    return path
+def fly_over_ridge(path: Path, side_m: float, frames: int) -> Path:
+    """A camera that flies to the north."""
+    height_m = 0.16 * side_m
+    return write_flight(path, (0, height_m, 0.5 * side_m), (0, height_m, 0), (0.1, -0.35, -1), frames)
 
 
 def draw(interface: str, shot: str, level: str | None, width_px: int) -> tuple[float, float, int]:
@@ -136,10 +114,10 @@ def main() -> int:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        words = write_ground(folder, options.crown, options.plants, options.side)
+        words = write_ridge(folder, options.crown, options.plants, options.side)
         rows: list[tuple[str, Path, str]] = []
         for distance in options.distances:
-            shot = write_flight(folder / f"shot_{distance:g}.usda", options.side, options.frames)
+            shot = fly_over_ridge(folder / f"shot_{distance:g}.usda", options.side, options.frames)
             forest = folder / f"forest_{distance:g}"
             limits = ["--lod-distance", f"{distance:g}", f"{distance:g}", "--camera", str(shot), "--no-preview"]
             subprocess.run(

@@ -15,41 +15,19 @@ import time
 from pathlib import Path
 
 import numpy as np
-import rasterio
 from pxr import Usd
 
+from tools.bench.forest.scenes import write_inputs
+
 CELL_M = 10.0
-WEST, NORTH = 455_000.0, 4_670_000.0
 
 
-def write_inputs(folder: Path, crown: Path, plants: int, side_m: float) -> list[str]:
-    """A DEM, trunks and plants.toml; returns the arguments of usdfoliage forest."""
+def write_waves(folder: Path, crown: Path, plants: int, side_m: float) -> list[str]:
+    """The inputs of a forest of two species on waves; returns the arguments of usdfoliage forest."""
     cells = int(side_m / CELL_M)
     row, column = np.mgrid[:cells, :cells]
     heights = 300 + 60 * np.sin(column / 37) * np.cos(row / 29) + 15 * np.sin((row + 2 * column) / 11)
-    transform = rasterio.transform.from_origin(WEST, NORTH, CELL_M, CELL_M)
-    with rasterio.open(
-        folder / "dem.tif",
-        "w",
-        driver="GTiff",
-        height=cells,
-        width=cells,
-        count=1,
-        dtype="float32",
-        crs="EPSG:25831",
-        transform=transform,
-    ) as file:
-        file.write(heights.astype(np.float32), 1)
-    rng = np.random.default_rng(0)
-    places = np.array([WEST, NORTH - side_m]) + rng.uniform(CELL_M, side_m - CELL_M, (plants, 2))
-    np.savetxt(folder / "trunks.csv", places, fmt="%.2f", delimiter=",")
-    rows = [
-        f'[[plant]]\nspecies = "{name}"\nkind = "tree"\nasset = "{crown.resolve()}"\n'
-        f"share = {share}\nheight_m = [{low}, {high}]\n"
-        for name, share, low, high in (("oak", 0.6, 8, 18), ("pine", 0.4, 10, 24))
-    ]
-    (folder / "plants.toml").write_text("\n".join(rows), encoding="utf-8")
-    return [str(folder / "dem.tif"), "--plants", str(folder / "plants.toml"), "--trunks", str(folder / "trunks.csv")]
+    return write_inputs(folder, crown, [("oak", 0.6, 8, 18), ("pine", 0.4, 10, 24)], heights, CELL_M, plants)
 
 
 def main() -> int:
@@ -63,7 +41,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.output or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
-        words = write_inputs(folder, options.crown, options.plants, options.side)
+        words = write_waves(folder, options.crown, options.plants, options.side)
         words += ["--tile", f"{options.tile:g}"] if options.tile else []
         forest = folder / "forest"
         started = time.perf_counter()

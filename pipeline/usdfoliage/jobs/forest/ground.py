@@ -19,7 +19,7 @@ MAX_SIDE_PX = 8192  # of the orthophoto's copy in the asset
 LOSSLESS_PIXELS = 4_000_000  # up to which it is a PNG
 CONTACT_SIDE_PX = 2048  # at most, of the picture of what is dark under plants
 CONTACT_TEXEL_M = 0.25  # at least
-CONTACT_TEXELS = 5e6  # under all crowns together, so that a large forest takes a second
+CONTACT_TEXELS = 1.5e7  # under all crowns together, so that a large forest takes a second
 COARSEST = 0.5  # of a texel, that the median crown is wide at least
 
 
