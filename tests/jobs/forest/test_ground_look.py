@@ -95,7 +95,7 @@ def test_no_plants_and_no_orthophoto_are_a_plain_ground(files, tmp_path):
 
 def test_many_crowns_have_coarser_pixels_but_none_wider_than_two_of_them():
     dem = Raster(values=np.zeros((2000, 2000)), ground_from_pixel=np.array([[1.0, 0, 0], [0, -1.0, 2000]]))
-    few, many, more = (contact_grid(dem, np.full(count, 2.0)).cell_m for count in (100, 40_000, 4_000_000))
+    few, many, more = (contact_grid(dem, np.full(count, 2.0)).cell_m for count in (100, 100_000, 4_000_000))
     assert few == pytest.approx(2000 / CONTACT_SIDE_PX, rel=0.01)
     assert few < many < more
     assert more <= 4 * 1.25
