@@ -119,6 +119,19 @@ def test_rules_of_the_ground_and_holes_leave_plants_out():
     assert planted.not_planted["no height of the ground"] > 0
 
 
+def test_plants_keep_the_distance_from_water_that_their_rows_ask_for():
+    scene = forest_scene()
+    codes = scene.vegetation.values.copy()
+    codes[:, :4] = 9.0  # 2 m of water along the western side
+    near = replace(plants(), rows=tuple(replace(row, water_m=(3.0, 20.0)) for row in plants().rows))
+    near = replace(near, classes={**near.classes, 9: None}, water=frozenset({9}))
+    planted = plant_forest(scene_input(plants=near, vegetation=replace(scene.vegetation, values=codes)))
+    from_water_m = planted.ground_m[:, 0] - ORIGIN_M[0] - 2.0
+    assert len(planted) > 5
+    assert from_water_m.min() > 2.4
+    assert from_water_m.max() < 20.6
+
+
 def test_grass_is_drawn_in_its_class_up_to_the_number_that_may_be():
     grass = PlantRow(species="sedge", kind=PlantKind.GRASS, asset=Path("x"), share=1.0, height_m=(0.3, 0.5))
     planted = plant_forest(scene_input(plants=plants(grass)), PlantingSettings(max_ground_cover=500))

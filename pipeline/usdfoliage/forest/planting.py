@@ -323,7 +323,7 @@ def _decide(
     """Rows, heights and colours of plants of one kind."""
     chosen = [given.plants.rows[number] for number in rows]
     elevation_m = ground_height(given.terrain, some.ground_m)
-    allowed = _allowed(given.terrain, some.ground_m, elevation_m, chosen)
+    allowed = _allowed(given, some.ground_m, elevation_m, chosen)
     radius_m = np.where(np.isfinite(some.radius_m), some.radius_m, _typical_radius(chosen, some.kind))
     color = np.full((len(some.ground_m), 3), np.nan)
     if given.orthophoto is not None and len(some.ground_m):
@@ -362,17 +362,32 @@ def _decide(
     )
 
 
-def _allowed(terrain: Terrain, ground_m: Floats, elevation_m: Floats, rows: list[PlantRow]) -> NDArray[np.bool_]:
-    """(N, R) by the rules of rows on elevation and slope."""
+def _allowed(given: ForestInput, ground_m: Floats, elevation_m: Floats, rows: list[PlantRow]) -> NDArray[np.bool_]:
+    """(N, R) by the rules of rows on elevation, slope and water."""
     allowed = np.ones((len(ground_m), len(rows)), bool)
-    slope = None
+    slope = away_m = None
     for number, row in enumerate(rows):
         if row.elevation_m is not None:
             allowed[:, number] &= (elevation_m >= row.elevation_m[0]) & (elevation_m <= row.elevation_m[1])
         if row.max_slope_deg is not None:
-            slope = sample_nearest(slope_deg(terrain), ground_m) if slope is None else slope
+            slope = sample_nearest(slope_deg(given.terrain), ground_m) if slope is None else slope
             allowed[:, number] &= slope <= row.max_slope_deg
+        if row.water_m is not None:
+            away_m = _from_water(given, ground_m) if away_m is None else away_m
+            allowed[:, number] &= (away_m >= row.water_m[0]) & (away_m <= row.water_m[1])
     return allowed
+
+
+def _from_water(given: ForestInput, ground_m: Floats) -> Floats:
+    """(N,) how far from the nearest pixel of water, infinite where no raster shows any."""
+    if given.vegetation is None:
+        return np.full(len(ground_m), np.inf)
+    water = np.isin(np.nan_to_num(given.vegetation.values, nan=-1.0).astype(np.int64), list(given.plants.water))
+    if not water.any():
+        return np.full(len(ground_m), np.inf)
+    away_px = np.asarray(ndimage.distance_transform_edt(~water))
+    raster = replace(given.vegetation, values=away_px * given.vegetation.cell_m)
+    return np.asarray(sample_nearest(raster, ground_m), np.float64)
 
 
 def _typical_radius(rows: list[PlantRow], kind: PlantKind) -> float:

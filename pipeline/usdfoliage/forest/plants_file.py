@@ -20,7 +20,9 @@ KEYS = (
     "form",
     "elevation_m",
     "max_slope_deg",
+    "water_m",
 )
+WATER = "water"
 TALLEST_M = 150.0
 
 
@@ -37,6 +39,7 @@ class PlantRow:
     form: float | None = None  # radius of its crown over its height
     elevation_m: tuple[float, float] | None = None  # of the ground that it may stand on
     max_slope_deg: float | None = None  # likewise
+    water_m: tuple[float, float] | None = None  # how far from water it may stand, from and to
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +49,7 @@ class PlantsFile:
     path: Path
     rows: tuple[PlantRow, ...]
     classes: Mapping[int, PlantKind | None]  # what a code of the vegetation raster is; None: no plants
+    water: frozenset[int] = frozenset()  # the codes that are water
 
 
 def read_plants_file(path: Path) -> PlantsFile:
@@ -71,7 +75,18 @@ def read_plants_file(path: Path) -> PlantsFile:
     if not rows:
         raise CaptureError(f"{path} has no [[plant]] row", "add one for each plant of the forest")
     read = [_read_row(row, number + 1, path) for number, row in enumerate(rows)]
-    return PlantsFile(path=path, rows=_normalized(read, path), classes=_read_classes(table.get("classes", {}), path))
+    classes = table.get("classes", {})
+    water = frozenset(int(code) for code, kind in classes.items() if kind == WATER) if isinstance(classes, dict) else ()
+    file = PlantsFile(
+        path=path, rows=_normalized(read, path), classes=_read_classes(classes, path), water=frozenset(water)
+    )
+    for number, row in enumerate(file.rows):
+        if row.water_m is not None and not file.water:
+            raise CaptureError(
+                f"row {number + 1} ({row.species}) of {path} has water_m, and no class is water",
+                'name the code of water in the raster of vegetation: [classes], then 9 = "water"',
+            )
+    return file
 
 
 def _read_row(row: Mapping[str, Any], number: int, path: Path) -> PlantRow:
@@ -103,6 +118,9 @@ def _read_row(row: Mapping[str, Any], number: int, path: Path) -> PlantRow:
     elevation_m = _range(row, "elevation_m", place)
     if elevation_m is not None and not elevation_m[0] <= elevation_m[1]:
         raise CaptureError(f"{place} has elevation_m {list(elevation_m)}", "write the lowest first")
+    water_m = _range(row, "water_m", place)
+    if water_m is not None and not 0 <= water_m[0] <= water_m[1]:
+        raise CaptureError(f"{place} has water_m {list(water_m)}", "write two distances from 0 on, the nearer first")
     return PlantRow(
         species=row["species"].strip(),
         kind=PlantKind(row["kind"]),
@@ -113,6 +131,7 @@ def _read_row(row: Mapping[str, Any], number: int, path: Path) -> PlantRow:
         form=form,
         elevation_m=elevation_m,
         max_slope_deg=slope,
+        water_m=water_m,
     )
 
 
@@ -163,10 +182,10 @@ def _read_classes(table: Any, path: Path) -> dict[int, PlantKind | None]:
     if not isinstance(table, dict):
         raise CaptureError(f"classes in {path} is no table", 'write [classes], then 7 = "tree"')
     for code, kind in table.items():
-        if not (code.isascii() and code.isdigit() and len(code) <= 9) or kind not in (*KINDS, "none"):
+        if not (code.isascii() and code.isdigit() and len(code) <= 9) or kind not in (*KINDS, WATER, "none"):
             raise CaptureError(
                 f"[classes] of {path} has {code} = {kind!r}",
-                f'write a code and one of {", ".join(KINDS)} or none: 7 = "tree"',
+                f'write a code and one of {", ".join(KINDS)}, water or none: 7 = "tree"',
             )
-        classes[int(code)] = None if kind == "none" else PlantKind(kind)
+        classes[int(code)] = None if kind in (WATER, "none") else PlantKind(kind)
     return classes

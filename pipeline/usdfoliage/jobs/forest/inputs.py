@@ -68,6 +68,11 @@ def read_forest(files: ForestFiles) -> ReadForest:
         CaptureError: A file cannot be used; the text names it and what to do.
     """
     plants = read_plants_file(files.plants)
+    if files.vegetation is None and any(row.water_m is not None for row in plants.rows):
+        raise CaptureError(
+            f"{files.plants} has a row with water_m, and no raster shows where water is",
+            ("give ", Argument(name="vegetation"), " or leave water_m out"),
+        )
     remarks: list[Remark] = []
     dem = _read_dem(files, remarks)
     height_unit = _height_unit(dem, files.dem, remarks)
