@@ -86,6 +86,12 @@ def test_grass_is_found_where_no_raster_of_classes_is_given():
     np.testing.assert_allclose(found.ground_m[~is_grass], without.ground_m)
 
 
+def test_what_is_found_in_the_pictures_needs_no_code_of_the_user():
+    given = scene_input(vegetation=None)
+    renamed = replace(given.plants, classes={1: None, 7: PlantKind.TREE})
+    np.testing.assert_allclose(plant_forest(replace(given, plants=renamed)).ground_m, plant_forest(given).ground_m)
+
+
 def test_a_class_alone_is_planted_by_its_density():
     given = scene_input(canopy=None, orthophoto=None)
     planted = plant_forest(given, PlantingSettings(trees_per_ha=400))

@@ -7,6 +7,7 @@ from usdfoliage.forest.vegetation_classes import (
     VegetationClasses,
     are_rough,
     find_classes,
+    find_covered,
     find_hidden_trees,
     green_index,
 )
@@ -110,3 +111,38 @@ def test_trees_are_hidden_where_no_crown_is_seen_and_one_has_room():
     assert not seen[20, 20]
     assert seen[70, 20]
     assert 0 < seen.sum() < none.sum()
+
+
+def test_where_an_orthophoto_shows_nothing_heights_alone_decide(rng):
+    picture = painted(rng)
+    picture.values[:, 80:] = np.nan
+    classes = find_classes(picture, over(np.full((160, 160), 1.0)))
+    assert classes.shrub[PARTS["lawn"]].mean() > 0.95
+    assert classes.shrub[PARTS["crown"]].mean() > 0.95
+    assert not classes.shrub[PARTS["road"]].any()
+
+
+def test_no_grass_is_found_where_no_height_is_known(rng):
+    canopy = np.zeros((160, 160))
+    canopy[:, 40:80] = np.nan
+    classes = find_classes(painted(rng), over(canopy))
+    assert classes.grass[10:70, 10:34].mean() > 0.95
+    assert not classes.grass[:, 45:75].any()
+
+
+def test_crowns_beside_what_is_not_seen_are_rough_by_what_is(rng):
+    picture = painted(rng)
+    picture.values[:, 120:] = np.nan
+    places_m = np.array([[1010.0, 1990.0], [1030.0, 1990.0], [1025.0, 1985.0]])
+    assert are_rough(picture, places_m, np.full(3, 3.0)).tolist() == [False, True, True]
+
+
+def test_every_pixel_under_a_crown_is_covered(rng):
+    grid = over(np.zeros((80, 80)), 0.5)
+    ground_m = np.array([1020.0, 1980.0]) + rng.uniform(-12, 12, (12, 2))
+    radius_m = rng.uniform(1.1, 3.9, 12)
+    row, column = np.mgrid[:80, :80]
+    places_m = np.stack([1000 + 0.5 * (column + 0.5), 2000 - 0.5 * (row + 0.5)], axis=-1)
+    away_m = np.linalg.norm(places_m[:, :, None] - ground_m, axis=-1)
+    found = find_covered(grid, np.ones((80, 80), bool), ground_m, radius_m)
+    np.testing.assert_array_equal(found, (away_m < radius_m).any(axis=-1))

@@ -146,7 +146,8 @@ def point_heights(parts: Iterable[Floats], frame: GroundFrame, max_gap: float, *
     height = np.where(covered, height / number, np.nan).reshape(shape)
     offsets = np.stack([east / number, south / number], axis=-1, dtype=np.float32).reshape(*shape, 2)
     height = _at_middles(height, offsets)
-    gaps = close_gaps(covered.reshape(shape), max(_NARROW, int(max_gap / frame.cell / 2))) & ~covered.reshape(shape)
+    reach = min(max(_NARROW, int(max_gap / frame.cell / 2)), max(shape))  # no gap is wider than the raster
+    gaps = close_gaps(covered.reshape(shape), reach) & ~covered.reshape(shape)
     return _fill_linearly(height, gaps)
 
 

@@ -120,12 +120,14 @@ def plant_forest(given: ForestInput, settings: PlantingSettings = PlantingSettin
     """
     refused: dict[str, int] = {}
     found = find_classes(given.orthophoto, given.canopy) if settings.find_classes and not given.vegetation else None
-    covered = given if found is None else replace(given, vegetation=_as_codes(found, given.plants.classes))
+    covered = given if found is None else _with_classes(given, found)
     # Trees of an orthophoto alone may have colours that no lawn has.
     trees = _find_trees(given if given.canopy is None else covered, settings, refused)
     if found is not None and given.canopy is None:
-        under = find_covered(found.grid, found.grass, trees.ground_m, trees.radius_m)
-        covered = replace(given, vegetation=_as_codes(replace(found, grass=found.grass & ~under), given.plants.classes))
+        species = [row for row in given.plants.rows if row.kind == PlantKind.TREE]
+        radius_m = np.where(np.isfinite(trees.radius_m), trees.radius_m, _typical_radius(species, PlantKind.TREE))
+        under = find_covered(found.grid, found.grass, trees.ground_m, radius_m)
+        covered = _with_classes(given, replace(found, grass=found.grass & ~under))
     cover = [
         _cover(covered, kind, settings, seed)
         for kind, seed in ((PlantKind.SHRUB, SHRUB_SEED), (PlantKind.GRASS, GRASS_SEED))
@@ -152,13 +154,15 @@ def plant_forest(given: ForestInput, settings: PlantingSettings = PlantingSettin
     return planting if found is None else replace(planting, found_shares=_shares(found))
 
 
-def _as_codes(found: VegetationClasses, classes: Mapping[int, PlantKind | None]) -> Raster:
-    """Masks as a raster of codes; a class that no code stands for has none."""
-    codes = np.full(found.tree.shape, -1.0)
-    for mask, kind in _masks(found):
-        code = min((code for code, each in classes.items() if each == kind), default=-1)
+def _with_classes(given: ForestInput, found: VegetationClasses) -> ForestInput:
+    """The input with the classes that were found as a raster, whatever its own codes would stand for."""
+    codes = np.zeros(found.tree.shape)
+    classes: dict[int, PlantKind | None] = {0: None}
+    for code, (mask, kind) in enumerate(_masks(found), 1):
         codes[mask] = code
-    return Raster(values=codes, ground_from_pixel=found.grid.ground_from_pixel, crs=found.grid.crs)
+        classes[code] = kind
+    raster = Raster(values=codes, ground_from_pixel=found.grid.ground_from_pixel, crs=found.grid.crs)
+    return replace(given, vegetation=raster, plants=replace(given.plants, classes=classes))
 
 
 def _shares(found: VegetationClasses) -> dict[PlantKind, float]:
@@ -179,7 +183,7 @@ def _find_trees(given: ForestInput, settings: PlantingSettings, refused: dict[st
         tops = find_tops_of_canopy(given.canopy, settings.tree_tops)
     elif given.orthophoto is not None:
         tops = find_tops_of_photo(crown_contrast(given.orthophoto), settings.tree_tops)
-        if settings.find_classes and len(tops.ground_m):
+        if settings.find_classes and given.vegetation is None and len(tops.ground_m):
             rough = are_rough(given.orthophoto, tops.ground_m, tops.radius_m)
             if (~rough).any():
                 refused["as smooth as a lawn"] = int((~rough).sum())

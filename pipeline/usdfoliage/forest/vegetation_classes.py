@@ -52,18 +52,17 @@ def find_classes(orthophoto: Raster | None, canopy: Raster | None) -> Vegetation
     """
     if canopy is not None:
         height_m = fill_canopy(canopy.values)
-        green = _green_over(canopy, orthophoto)
+        green, seen = _green_over(canopy, orthophoto)
         tall = height_m >= LOWEST_M
-        is_green = np.ones(tall.shape, bool) if green is None else green
-        roof = tall & _is_flat(height_m) & ~(np.zeros(tall.shape, bool) if green is None else green)
+        roof = tall & _is_flat(height_m) & ~green
         roof = ndimage.binary_opening(roof, np.ones((ROOF_PX, ROOF_PX), bool))
         roof = ndimage.binary_dilation(roof, np.ones((3, 3), bool)) & tall
-        grass = np.zeros(tall.shape, bool) if green is None else green & (height_m < SHRUBS_M)
+        known = ndimage.binary_dilation(np.isfinite(canopy.values), iterations=SPECK_PX)  # holes of a few pixels too
         return VegetationClasses(
             grid=canopy,
             tree=tall & ~roof,
-            shrub=_without_specks(is_green & (height_m >= SHRUBS_M) & ~tall),
-            grass=_without_specks(grass),
+            shrub=_without_specks((green | ~seen) & (height_m >= SHRUBS_M) & ~tall),
+            grass=_without_specks(green & known & (height_m < SHRUBS_M)),
         )
     if orthophoto is None:
         return None
@@ -76,18 +75,21 @@ def find_classes(orthophoto: Raster | None, canopy: Raster | None) -> Vegetation
     return VegetationClasses(grid=grid, tree=tree, shrub=np.zeros_like(tree), grass=_without_specks(green & ~tree))
 
 
-def _green_over(grid: Raster, orthophoto: Raster | None) -> Mask | None:
-    """(H, W) of a grid, where the orthophoto is green; None without one."""
-    if orthophoto is None:
-        return None
-    fine = _averaged(orthophoto, FINEST_M)
-    index = green_index(fine)
-    places_m = pixel_grid(grid).reshape(-1, 2)
-    covered = is_inside(fine, places_m)
-    values = Raster(values=index, ground_from_pixel=fine.ground_from_pixel, crs=fine.crs)
-    green = np.zeros(len(places_m), bool)
-    green[covered] = sample_nearest(values, places_m[covered]) > _dividing_value(index, GREEN)
-    return green.reshape(grid.values.shape[:2])
+def _green_over(grid: Raster, orthophoto: Raster | None) -> tuple[Mask, Mask]:
+    """(H, W) of a grid, where the orthophoto is green, and where it shows anything."""
+    shape = grid.values.shape[:2]
+    green = np.zeros(shape[0] * shape[1], bool)
+    seen = green.copy()
+    if orthophoto is not None:
+        fine = _averaged(orthophoto, FINEST_M)
+        index = green_index(fine)
+        places_m = pixel_grid(grid).reshape(-1, 2)
+        covered = is_inside(fine, places_m)
+        values = Raster(values=index, ground_from_pixel=fine.ground_from_pixel, crs=fine.crs)
+        found = sample_nearest(values, places_m[covered])
+        seen[covered] = np.isfinite(found)
+        green[covered] = found > _dividing_value(index, GREEN)
+    return green.reshape(shape), seen.reshape(shape)
 
 
 def are_rough(orthophoto: Raster, ground_m: Floats, radius_m: Floats) -> Mask:
@@ -109,7 +111,9 @@ def are_rough(orthophoto: Raster, ground_m: Floats, radius_m: Floats) -> Mask:
     discs = np.concatenate([[(0.0, 0.0)], *(share * ring for share in (0.4, 0.8))])
     places_m = ground_m[:, None] + radius_m[:, None, None] * discs
     found = sample_nearest(values, places_m.reshape(-1, 2)).reshape(len(ground_m), len(discs))
-    rough = np.asarray(np.nan_to_num(found).mean(axis=1) >= bound)
+    known = np.isfinite(found)
+    mean = np.where(known, found, 0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    rough = np.asarray((mean >= bound) | ~known.any(axis=1))
     return rough if rough.mean() >= FEW else np.ones(len(rough), bool)
 
 
@@ -142,10 +146,10 @@ def find_covered(grid: Raster, mask: Mask, ground_m: Floats, radius_m: Floats) -
     sizes = np.ceil(np.log2(np.maximum(radius_m, DARKEST)))
     for size in np.unique(sizes):  # by size, so that each is looked for as far as it reaches
         own = np.flatnonzero(sizes == size)
-        found = cKDTree(ground_m[own]).query(places_m, distance_upper_bound=2.0**size)
+        found = cKDTree(ground_m[own]).query(places_m, k=[1, 2, 3, 4], distance_upper_bound=2.0**size)
         away_m, near = (np.asarray(each) for each in found)
-        hit = np.flatnonzero(np.isfinite(away_m))
-        covered.flat[pixels[hit[away_m[hit] < radius_m[own][near[hit]]]]] = True
+        reach_m = np.append(radius_m[own], 0.0)[near]  # what is not found is number N
+        covered.flat[pixels[(away_m < reach_m).any(axis=1)]] = True
     return covered
 
 

@@ -90,7 +90,7 @@ def test_no_plants_and_no_orthophoto_are_a_plain_ground(files, tmp_path):
         "MtlxSurface",
         "StormSurface",
     }
-    assert list((tmp_path / "valley" / "maps").iterdir()) == []
+    assert not (tmp_path / "valley" / "maps").exists()
 
 
 def test_many_crowns_have_coarser_pixels_but_none_wider_than_two_of_them():
@@ -98,7 +98,7 @@ def test_many_crowns_have_coarser_pixels_but_none_wider_than_two_of_them():
     few, many, more = (contact_grid(dem, np.full(count, 2.0)).cell_m for count in (100, 100_000, 4_000_000))
     assert few == pytest.approx(2000 / CONTACT_SIDE_PX, rel=0.01)
     assert few < many < more
-    assert more <= 4 * 1.25
+    assert more == pytest.approx(4, rel=0.01)
 
 
 def test_pixels_of_the_pictures_lie_where_those_of_the_dem_do():

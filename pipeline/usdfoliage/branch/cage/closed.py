@@ -147,6 +147,7 @@ def _redraw_astray(
             break
         left_out = (drawn.number >= 0) & (closed.number < 0)
         left_out |= False if choice.afloat is None else choice.afloat
+        left_out = _with_carried(skeleton, left_out)  # what was left out before it as well
         choice = replace(choice, is_twig=choice.is_twig & ~left_out, gone=choice.gone | left_out, afloat=left_out)
     return closed
 

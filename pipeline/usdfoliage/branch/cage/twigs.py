@@ -337,12 +337,11 @@ def _inside_surface(mesh: _Mesh, parent: Ints, begin_m: Floats) -> Floats:
     """(S, 3) places on the axes of parents (S,), moved to the middle of their surface's nearest ring where that is
     elsewhere: a parent that is joined may have been moved to where it found room."""
     rings = int(mesh.ring.max(initial=-1)) + 1
-    corners = mesh.faces[mesh.row].reshape(-1)
-    ring, of = mesh.ring[corners], np.repeat(mesh.curve[mesh.row], SIDES)
-    count = np.maximum(np.bincount(ring, minlength=rings), 1)[:, None]
-    middle_m = np.stack([np.bincount(ring, mesh.points_m[corners, c], rings) for c in range(3)], axis=-1) / count
-    off_m = np.linalg.norm(mesh.points_m[corners] - middle_m[ring], axis=1)
-    radius_m = np.bincount(ring, off_m, rings) / count[:, 0]
+    count = np.maximum(np.bincount(mesh.ring, minlength=rings), 1)[:, None]
+    middle_m = np.stack([np.bincount(mesh.ring, mesh.points_m[:, c], rings) for c in range(3)], axis=-1) / count
+    off_m = np.linalg.norm(mesh.points_m - middle_m[mesh.ring], axis=1)
+    radius_m = np.bincount(mesh.ring, off_m, rings) / count[:, 0]
+    ring, of = mesh.ring[mesh.faces[mesh.row].reshape(-1)], np.repeat(mesh.curve[mesh.row], SIDES)
     pairs = np.unique(np.stack([of, ring], axis=-1), axis=0)  # ascending by curve
     low, high = np.searchsorted(pairs[:, 0], parent), np.searchsorted(pairs[:, 0], parent, side="right")
     moved_m = begin_m.copy()

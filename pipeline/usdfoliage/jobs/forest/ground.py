@@ -19,8 +19,8 @@ MAX_SIDE_PX = 8192  # of the orthophoto's copy in the asset
 LOSSLESS_PIXELS = 4_000_000  # up to which it is a PNG
 CONTACT_SIDE_PX = 2048  # at most, of the picture of what is dark under plants
 CONTACT_TEXEL_M = 0.25  # at least
-CONTACT_TEXELS = 1.5e7  # under all crowns together, so that a large forest takes a second
-COARSEST = 0.5  # of a texel, that the median crown is wide at least
+CONTACT_TEXELS = 1.5e7  # under all crowns together, which take a second, where they may be so large
+COARSEST = 2.0  # radii of the median crown, that a texel is at most
 
 
 def write_ground_maps(folder: Path, name: str, given: ForestInput, planting: Planting) -> GroundMaterial:
@@ -38,7 +38,6 @@ def write_ground_maps(folder: Path, name: str, given: ForestInput, planting: Pla
     Raises:
         WriteError: A file cannot be written.
     """
-    (folder / "maps").mkdir(exist_ok=True)
     onto = given.terrain.heights
     texture, pixel_m = "", GroundMaterial.photo_pixel_m
     if given.orthophoto is not None:
@@ -46,6 +45,7 @@ def write_ground_maps(folder: Path, name: str, given: ForestInput, planting: Pla
         pixel_m = max(copied.cell_m, given.orthophoto.cell_m)
         height, width = copied.values.shape[:2]
         texture = f"{name}_orthophoto{'.png' if height * width <= LOSSLESS_PIXELS else '.jpg'}"
+        (folder / "maps").mkdir(exist_ok=True)
         write_picture(folder / "maps" / texture, encode_8_bits(encode_srgb(copied.values)), jpeg_quality=92)
     contact = ""
     crowned = np.array([row.kind != PlantKind.GRASS for row in given.plants.rows])[planting.row]
@@ -54,6 +54,7 @@ def write_ground_maps(folder: Path, name: str, given: ForestInput, planting: Pla
         radius_m = planting.radius_m[crowned]
         grid = contact_grid(onto, radius_m)
         sky = open_sky(grid, planting.ground_m[crowned], radius_m, planting.height_m[crowned])
+        (folder / "maps").mkdir(exist_ok=True)
         write_picture(folder / "maps" / contact, encode_8_bits(sky))
     return GroundMaterial(
         texture=f"{MAPS}/{texture}" if texture else "",
@@ -89,9 +90,9 @@ def contact_grid(onto: Raster, radius_m: NDArray[np.float64]) -> Raster:
     height, width = onto.values.shape
     sides_m = np.linalg.norm(onto.ground_from_pixel[:, :2], axis=0) * [width, height]
     texel_m = max(CONTACT_TEXEL_M, float(sides_m.max()) / CONTACT_SIDE_PX)
-    coarsest_m = float(np.median(radius_m)) / COARSEST if len(radius_m) else 0.0
+    coarsest_m = COARSEST * float(np.median(radius_m)) if len(radius_m) else 0.0
     while texel_m < coarsest_m and count_texels(texel_m, radius_m) > CONTACT_TEXELS:
-        texel_m *= 1.25
+        texel_m = min(1.25 * texel_m, coarsest_m)
     columns, rows = (max(1, round(side_m / texel_m)) for side_m in sides_m.tolist())
     return Raster(values=np.zeros((rows, columns)), ground_from_pixel=_divide(onto, (columns, rows)), crs=onto.crs)
 
