@@ -1321,7 +1321,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             "vegetation-found": RemarkKind(
                 severity="info",
                 meaning="Where trees, shrubs and grass are was found in the orthophoto and the canopy height.",
-                action="Give `--vegetation` where it is known, or `--no-find-vegetation` for trees alone.",
+                action="Give a raster of vegetation where it is known. The forest can also have trees alone.",
             ),
             "class-without-plants": RemarkKind(
                 severity="info",
