@@ -77,6 +77,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "ground_spacing": "--ground-spacing",
             "max_terrain_quads": "--max-terrain-quads",
             "tile": "--tile",
+            "vegetation": "--vegetation",
         },
     ),
     "leaves": CommandOptions(
