@@ -257,10 +257,7 @@ def test_vertices_are_moved_about_as_far_as_they_may(seed, wild):
     fair = draw_fair(plant, 0.05, 0.001)
     before = split_edges(
         plant,
-        np.maximum(
-            np.linalg.norm(plant.edges_m, axis=1) / 8,
-            np.maximum(0.04 * 0.05, RefinementSettings().shortest_radii * plant.radius_m),
-        ),
+        np.maximum(np.linalg.norm(plant.edges_m, axis=1) / 8, np.maximum(0.04 * 0.05, 0.1 * plant.radius_m)),
     )[1]
     own = np.ones(len(plant.points_m), bool)
     own[plant.first[plant.parent_curve >= 0]] = False  # these go with their parents

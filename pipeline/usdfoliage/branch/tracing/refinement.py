@@ -27,7 +27,7 @@ class RefinementSettings:
     max_shifted: float = 0.5  # of the radius, that a vertex is moved for its branch to be fair
     pieces: int = 8  # of an edge, that a fair branch is drawn with before its nodes collapse
     shortest: float = 0.04  # internodes, that such a piece is long at least,
-    shortest_radii: float = 0.05  # and of its radius
+    shortest_radii: float = 0.1  # and of its radius
     max_turn_deg: float = 5.0  # that a branch turns along an edge
     longest: float = 8.0  # internodes, that an edge is about long at most, however straight: where wind bends a branch,
     longest_radii: float = 8.0  # and where a hand takes hold of it; or this of its radius, if that is more
