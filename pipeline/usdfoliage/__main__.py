@@ -95,13 +95,18 @@ def _add_help(parser: argparse._ActionsContainer) -> None:
     parser.add_argument("-h", "--help", action="help", default=argparse.SUPPRESS, help="Print this help, and stop.")
 
 
-def main(arguments: Sequence[str] | None = None, prepare: Callable[[argparse.Namespace], None] | None = None) -> int:
+def main(
+    arguments: Sequence[str] | None = None,
+    prepare: Callable[[argparse.Namespace], None] | None = None,
+    conclude: Callable[[], None] | None = None,
+) -> int:
     """Run one command; returns the exit code: 0 good, 2 bad input, 3 a finding of validate, 1 an internal fault.
 
     Args:
         arguments: The words after the program's name. None: those of this process, which then is a command line's; a
             command that opens USD runs in a child of it (usdfoliage.cli.box), or lets a child open the asset first.
         prepare: Called with the options before the command runs.
+        conclude: Called before an error is printed.
     """
     # A daemon may have closed them, and printing must not fail then.
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: PTH123, SIM115
@@ -118,20 +123,28 @@ def main(arguments: Sequence[str] | None = None, prepare: Callable[[argparse.Nam
     if arguments is None and os.name == "posix":
         noise = divert_libraries()
         try:
-            return _run(words, prepare or _check_leaves)
+            return _run(words, prepare or _check_leaves, conclude)
         finally:
             if not {"-v", "--verbose"}.isdisjoint(words):
                 for line in noise.lines():
                     print(f"INFO: library: {line}", file=sys.stderr)
-    return _run(words, prepare)
+    return _run(words, prepare, conclude)
 
 
-def _run(words: Sequence[str], prepare: Callable[[argparse.Namespace], None] | None) -> int:
+def _run(
+    words: Sequence[str], prepare: Callable[[argparse.Namespace], None] | None, conclude: Callable[[], None] | None
+) -> int:
     """Run one command in this process; returns the exit code."""
+
+    def complain(line: str) -> None:
+        if conclude is not None:
+            conclude()
+        print(f"error: {line}", file=sys.stderr)
+
     try:
         options = build_parser(next((word for word in words if word in COMMANDS), "")).parse_args(words)
     except KeyboardInterrupt:
-        print("error: interrupted; nothing that is half written stays", file=sys.stderr)
+        complain("interrupted; nothing that is half written stays")
         return 130
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(PrintableFormatter("%(levelname)s: %(message)s"))
@@ -150,10 +163,10 @@ def _run(words: Sequence[str], prepare: Callable[[argparse.Namespace], None] | N
     except FoliageError as error:
         if options.debug:
             raise
-        print(f"error: {_one_line(explain_error(error, render_for(options.command)))}", file=sys.stderr)
+        complain(_one_line(explain_error(error, render_for(options.command))))
         return 2
     except KeyboardInterrupt:
-        print("error: interrupted; nothing that is half written stays", file=sys.stderr)
+        complain("interrupted; nothing that is half written stays")
         return 130
     except BrokenPipeError:  # the reader of stdout left, as with `| head`
         _discard_stdout()
@@ -163,18 +176,14 @@ def _run(words: Sequence[str], prepare: Callable[[argparse.Namespace], None] | N
             raise
         refusal = _explain(error, options)
         if refusal is not None:
-            print(f"error: {_one_line('; '.join(refusal))}", file=sys.stderr)
+            complain(_one_line("; ".join(refusal)))
             return 2
         if isinstance(error, OSError) and error.filename is None and error.errno in (errno.ENOSPC, errno.EIO):
             _discard_stdout()
-            print(
-                f"error: the result could not be printed: {error.strerror}; redirect stdout elsewhere", file=sys.stderr
-            )
+            complain(f"the result could not be printed: {error.strerror}; redirect stdout elsewhere")
             return 1
-        print(
-            f"error: internal fault: {type(error).__name__}: {_one_line(str(error))}; "
-            "run again with --debug and report it",
-            file=sys.stderr,
+        complain(
+            f"internal fault: {type(error).__name__}: {_one_line(str(error))}; run again with --debug and report it"
         )
         return 1
 

@@ -33,9 +33,13 @@ def main() -> None:
     move_streams(noise)
     os.close(noise)
     from usdfoliage.__main__ import main as run
-    from usdfoliage.cli.box import announce
+    from usdfoliage.cli.box import announce, conclude
 
-    code = run(words, prepare=lambda options: announce(options, reports))
+    code = run(
+        words,
+        prepare=lambda options: announce(options, reports),
+        conclude=lambda: conclude(reports),
+    )
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):  # its reader may have left
             stream.flush()

@@ -309,3 +309,21 @@ def test_a_child_that_has_printed_its_result_takes_nothing_down(tmp_path):
         "info", tmp_path / "sitecustomize.py", PYTHONPATH=paths, USDFOLIAGE_TIME_LIMIT_S="60"
     )
     assert (code, printed, complaints.count("error: ")) == (2, "", 1)
+
+
+def test_a_limit_that_is_passed_below_an_error_adds_none(tmp_path):
+    """What a stage takes while an error is printed, or while it is taken down after that, ends the child no more."""
+    broken = tmp_path / "broken.usda"
+    broken.write_text("#usda 1.0\n{")
+    (tmp_path / "sitecustomize.py").write_text(
+        "import builtins, sys, time\n"
+        "def print_slowly(text='', *more, before=print, **settings):\n"
+        "    taken = bytearray(b'a') * (900 << 20) if str(text).startswith('error: ') else b''\n"
+        "    time.sleep(1 if taken else 0)\n"
+        "    before(text, *more, **settings)\n"
+        "if any('boxed.py' in word for word in sys.orig_argv): builtins.print = print_slowly\n"
+    )
+    paths = os.pathsep.join(filter(None, (str(tmp_path), os.environ.get("PYTHONPATH"))))
+    code, printed, complaints = end("info", broken, PYTHONPATH=paths, USDFOLIAGE_MEMORY_LIMIT_GIB="0.6")
+    assert (code, printed, complaints.count("error: ")) == (2, "", 1)
+    assert "of memory" not in complaints

@@ -7,6 +7,7 @@ files explain. Time is that of the processor, so that a busy machine refuses no 
 waits. What libraries print by themselves goes to a pipe, so that nothing raw from a file reaches a terminal.
 
 The child reports what it reads, once it knows, in one line of JSON; until then the limits of an empty asset hold.
+Another line comes before it prints an error of its own: after that the parent adds none.
 """
 
 import argparse
@@ -45,6 +46,7 @@ BOXED = ("info", "validate", "edit", "bake", "export", "preview", "view")
 _DRAWING = ("preview", "view")  # they draw in a third process: Storm has a limit, and a window is closed by its user
 _GIB = 1 << 30
 _ERROR = "error: "  # how the line of a refusal begins
+_CONCLUDED = b"null"  # the line before an error of the child's own
 _POLL_S = 0.03  # 100 MB at most are taken meanwhile
 _FROM_OUTSIDE = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
 _ENDING_S = 20.0  # for a child that is asked to end
@@ -173,11 +175,11 @@ def _run_child(
         os.close(pipe)
     watched = _Watched(process=child, reports=report_out, noise=noise_out, allowed=allowed, cpu_share=cpu_share)
     with _forwarded_signals(child.pid) as received:
-        reason = watched.wait()
+        code, reason = watched.wait()
     for pipe in (report_out, noise_out):
         os.close(pipe)
     return _Ended(
-        code=child.returncode,
+        code=code,
         reason=reason,
         received=frozenset(received),
         allowed=watched.allowed,
@@ -232,7 +234,6 @@ def announce(options: argparse.Namespace, reports: int, limits: BoxLimits = BoxL
     found = Composition(size_bytes=0) if asset is None else measure_composition(asset)
     allowed = allow(printable(asset or ""), options.command, found.size_bytes, limits, options.verbose)
     os.write(reports, json.dumps(asdict(allowed)).encode() + b"\n")
-    os.close(reports)
     _set_limits(allowed)
     mib_allowed = _stated(TEXT_VARIABLE, limits.text_mib)
     if found.text_bytes > mib_allowed * (1 << 20):
@@ -240,6 +241,11 @@ def announce(options: argparse.Namespace, reports: int, limits: BoxLimits = BoxL
             f"{found.text} is a layer of {found.text_bytes / (1 << 20):,.0f} MiB of text, more than {mib_allowed:,.0f}",
             f"write it as .usdc; if you trust it, set {TEXT_VARIABLE} to more MiB",
         )
+
+
+def conclude(reports: int) -> None:
+    """In the child: let the parent know that the child prints its own error now, whatever it takes from then on."""
+    os.write(reports, _CONCLUDED + b"\n")
 
 
 def _set_limits(allowed: Allowance) -> None:
@@ -295,9 +301,10 @@ class _Watched:
         self._noise = b""
         self._started = time.monotonic()
         self._draws = False
+        self._concluded = False  # whether the child prints an error of its own
 
-    def wait(self) -> str:
-        """Wait for its end, or end it; returns why it was ended, empty where it was not."""
+    def wait(self) -> tuple[int, str]:
+        """Wait for its end, or end it; returns its exit code and why it was ended, empty where it was not."""
         with selectors.DefaultSelector() as selector:
             for pipe in (self._reports, self._noise_pipe):
                 selector.register(pipe, selectors.EVENT_READ)
@@ -310,17 +317,27 @@ class _Watched:
                         if key.fd != ending and not self._read(key.fd):
                             selector.unregister(key.fd)
                     reason = self._excess()
-                    if reason and self._process.poll() is None:
-                        with contextlib.suppress(ProcessLookupError):
-                            os.killpg(self._process.pid, signal.SIGKILL)
-                        self._process.wait()
-                        return reason
+                    if not reason or self._process.poll() is not None:
+                        continue
+                    self._read(self._reports)  # it may have come to an error of its own meanwhile
+                    if not self._concluded:
+                        self._kill()
+                        return self._process.returncode, reason
+                    with contextlib.suppress(subprocess.TimeoutExpired):
+                        self._process.wait(_ENDING_S)
+                    self._kill()
             finally:
                 if ending is not None:
                     os.close(ending)
         for pipe in (self._reports, self._noise_pipe):
             self._read(pipe)
-        return ""
+        code = self._process.returncode
+        return (2 if code < 0 and self._concluded else code), ""
+
+    def _kill(self) -> None:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
 
     def noise_lines(self) -> list[str]:
         """What libraries printed, as far as it is kept."""
@@ -334,8 +351,11 @@ class _Watched:
             return True
         if pipe == self._noise_pipe:
             self._noise = (self._noise + data)[-MAX_BYTES:]
-        elif data:
-            self.allowed = Allowance(**json.loads(data))
+        for line in data.splitlines() if pipe == self._reports else ():
+            if line == _CONCLUDED:
+                self._concluded = True
+            else:
+                self.allowed = Allowance(**json.loads(line))
         return bool(data)
 
     def _excess(self) -> str:
