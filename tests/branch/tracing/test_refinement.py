@@ -141,7 +141,7 @@ def test_a_sharp_bend_is_shared_among_three(angle_deg, legs_m):
 
 
 def test_a_slight_bend_stays_as_it_is():
-    for angle_deg, vertices in ((19.9, 3), (20.1, 5)):
+    for angle_deg, vertices in ((9.9, 3), (10.1, 5)):
         assert len(round_bends(corner(angle_deg)).points_m) == vertices
     assert len(round_bends(corner(120), RefinementSettings(sharpest_deg=121)).points_m) == 3
 

@@ -2,8 +2,8 @@
 
 J. Guo et al., Realistic procedural plant modeling from multiple view images, 2020, section 5.3: nodes between edges of
 like direction and radius collapse, and where branches bend by more than 20 degrees the section is subdivided by a
-Hermite curve. Before that branches become smoothing splines; which nodes collapse is decided by how far the branch
-would move, and by how much it turns: ours.
+Hermite curve; here by more than 10, so that no bend is seen close up. Before that branches become smoothing splines;
+which nodes collapse is decided by how far the branch would move, and by how much it turns: ours.
 """
 
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ class RefinementSettings:
     max_moved: float = 0.05  # of the radius, by which a branch may move where a node goes
     min_moved: float = 0.04  # internodes, that it may move however thin it is
     radius_change: float = 0.05  # of the radius
-    sharpest_deg: float = 20.0  # bend that stays as it is
+    sharpest_deg: float = 10.0  # bend that stays as it is
 
     def __post_init__(self) -> None:
         if not (self.max_moved >= 0 and self.min_moved >= 0 and self.radius_change >= 0):
