@@ -7,18 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.branch.axis_places import axis_exits
+from usdfoliage.branch.cage import closed as closed_module
 from usdfoliage.branch.cage import join
+from usdfoliage.branch.cage.astray import choose_astray, find_afloat
 from usdfoliage.branch.cage.build import build_branch_cage, check_cage
-from usdfoliage.branch.cage.closed import (
-    TwigChoice,
-    build_with_twigs,
-    choose_astray,
-    close_branches,
-    find_afloat,
-)
+from usdfoliage.branch.cage.closed import close_branches
 from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.settings import BranchCageSettings
+from usdfoliage.branch.cage.twig_choice import TwigChoice
 from usdfoliage.branch.cage.twigs import TwigSettings
+from usdfoliage.branch.cage.with_twigs import build_with_twigs
 from usdfoliage.branch.whole_wood import bare_lengths, measure_wholeness
 from usdfoliage.geometry.smooth_mesh import refine_smooth
 from usdfoliage.jobs.branches.surfaces import build_surfaces
@@ -167,6 +165,21 @@ def test_fewer_faces_leave_the_thick_branches_joined():
     few = close_branches(tree, max_faces=len(whole.cage.faces) // 2)
     assert len(few.cage.faces) <= len(whole.cage.faces) // 2
     assert few.thickest_twig_m > 0 or few.left_out
+
+
+def test_less_is_joined_where_what_is_drawn_otherwise_takes_too_many_faces(monkeypatch):
+    tree, asked = random_tree(3, 20), []
+    whole = close_branches(tree)
+
+    def redraw(skeleton, closed, choice, settings, exits):
+        asked.append(len(closed.cage.faces))
+        return whole if len(asked) == 1 else closed
+
+    monkeypatch.setattr(closed_module, "_redraw_astray", redraw)
+    max_faces = len(whole.cage.faces) - 100
+    closed = close_branches(tree, max_faces=max_faces)
+    assert len(asked) == 2
+    assert len(closed.cage.faces) == asked[1] <= max_faces - 100
 
 
 def test_a_fork_beside_a_twig_is_as_large_as_without_it():

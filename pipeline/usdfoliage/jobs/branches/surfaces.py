@@ -6,9 +6,12 @@ import numpy as np
 
 from usdfoliage.branch.axis_places import axis_exits
 from usdfoliage.branch.cage.build import BranchCage
-from usdfoliage.branch.cage.closed import ClosedBranches, TwigChoice, build_with_twigs, close_branches
+from usdfoliage.branch.cage.closed import close_branches
+from usdfoliage.branch.cage.leave_out import ClosedBranches
 from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
+from usdfoliage.branch.cage.twig_choice import TwigChoice
+from usdfoliage.branch.cage.with_twigs import build_with_twigs
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.remarks import Remark, Setting, remark
 
