@@ -31,6 +31,7 @@ from usdfoliage.files.write_gate import Access
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from usdfoliage.forest.grass import GrassSettings
     from usdfoliage.forest.planting import PlantingSettings
     from usdfoliage.forest.shots import ShotSettings
     from usdfoliage.forest.tree_tops import TreeTopSettings
@@ -178,6 +179,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=ShotSettings.max_full,
         help="So many of the nearest plants are drawn whole, with their branches and leaves, while they are near; the "
         "default is %(default)s.",
+    )
+    shots.add_argument(
+        "--no-grass",
+        action="store_true",
+        help="The forest has no grass near cameras, and no hues of grass on its ground. Without this option blades of "
+        "grass stand on vegetated ground near the camera of a shot.",
+    )
+    shots.add_argument(
+        "--grass-distance",
+        metavar="METRES",
+        type=float,
+        default=GrassSettings.distance_m,
+        help="Blades of grass stand up to this distance from the camera, in metres; the default is %(default)g.",
+    )
+    shots.add_argument(
+        "--max-grass-clumps",
+        metavar="N",
+        type=int,
+        default=GrassSettings.max_clumps,
+        help="A shot has at most so many clumps of blades. Where there would be more, they end nearer to the camera; "
+        "the default is %(default)s.",
     )
     run_options = parser.add_argument_group("this run")
     add_seed(run_options, PlantingSettings.seed, 31)

@@ -95,6 +95,7 @@ class Planting:
     not_planted: Mapping[str, int]  # by reason, how many
     empty_kinds: tuple[PlantKind, ...]  # of which there is ground, and no row
     found_shares: Mapping[PlantKind, float] = field(default_factory=dict)  # of the ground, where classes were found
+    vegetated: Raster | None = None  # (H, W), 1 where the ground is of any kind of plant; None where nothing shows that
 
     def __len__(self) -> int:
         return len(self.row)
@@ -151,6 +152,7 @@ def plant_forest(given: ForestInput, settings: PlantingSettings = PlantingSettin
             refused["no height of the ground"] = refused.get("no height of the ground", 0) + int((~known).sum())
         parts.append(_decide(given, _only(some, known), rows, settings, refused))
     planting = _together(parts, refused, tuple(empty), settings)
+    planting = replace(planting, vegetated=_vegetated(given if found is None else _with_classes(given, found)))
     return planting if found is None else replace(planting, found_shares=_shares(found))
 
 
@@ -256,6 +258,14 @@ def _class_mask(given: ForestInput, kind: PlantKind) -> NDArray[np.bool_] | None
         return None
     codes = [code for code, each in given.plants.classes.items() if each == kind]
     return np.isin(np.nan_to_num(given.vegetation.values, nan=0).astype(np.int64), codes)
+
+
+def _vegetated(given: ForestInput) -> Raster | None:
+    """Where the raster of classes has a kind of plant; None without one."""
+    masks = [mask for mask in (_class_mask(given, kind) for kind in PlantKind) if mask is not None]
+    if given.vegetation is None or not masks:
+        return None
+    return replace(given.vegetation, values=np.any(masks, axis=0).astype(np.float32))
 
 
 def _has_ground(given: ForestInput, kind: PlantKind) -> bool:

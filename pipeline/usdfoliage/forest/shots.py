@@ -121,7 +121,7 @@ def plan_shot(
     seen = np.zeros(len(center_m), bool)
     nearest_m = np.full(len(center_m), np.inf)
     for number in range(len(path.frame)):
-        inside = _inside(center_m, reach_m, path, number, settings.margin)
+        inside = is_in_view(center_m, reach_m, path, number, settings.margin)
         seen |= inside
         away_m = np.linalg.norm(center_m[inside] - path.eye_m[number], axis=1)
         nearest_m[inside] = np.minimum(nearest_m[inside], away_m)
@@ -147,6 +147,28 @@ def plan_shot(
     return ShotPlan(seen=seen, first=first, switches=switches, frames=(float(path.frame[0]), float(path.frame[-1])))
 
 
+def is_in_view(
+    center_m: NDArray[np.float64], reach_m: NDArray[np.float64], path: CameraPath, number: int, margin: float
+) -> NDArray[np.bool_]:
+    """(N,) spheres that reach into what the camera sees in a frame.
+
+    Args:
+        center_m: (N, 3), their middles, in the camera's frame of reference.
+        reach_m: (N,), their radii.
+        path: Of the camera.
+        number: Of the frame, from 0.
+        margin: Of the picture's width and height, beyond its edges.
+    """
+    x, y, z = ((center_m - path.eye_m[number]) @ path.axes[number].T).T
+    left, right, bottom, top = path.window[number]
+    aside, above = margin * (right - left), margin * (top - bottom)
+    inside = np.asarray(-z > -reach_m)
+    # Distances to the planes through the eye, positive outside: z is negative in front of the camera.
+    for across, edge in ((x, right + aside), (-x, aside - left), (y, top + above), (-y, above - bottom)):
+        inside &= (across + edge * z) / np.hypot(1.0, edge) < reach_m
+    return inside
+
+
 def _changed(
     forms: NDArray[np.int8], away_m: NDArray[np.float64], limit_m: NDArray[np.float64], hysteresis: float
 ) -> NDArray[np.int8]:
@@ -159,17 +181,3 @@ def _changed(
         nearer = (changed > 0) & (away_m < inner_m * (1 - hysteresis))
         changed = changed + farther.astype(np.int8) - (nearer & ~farther).astype(np.int8)
     return changed
-
-
-def _inside(
-    center_m: NDArray[np.float64], reach_m: NDArray[np.float64], path: CameraPath, number: int, margin: float
-) -> NDArray[np.bool_]:
-    """(N,) spheres that reach into what the camera sees in a frame."""
-    x, y, z = ((center_m - path.eye_m[number]) @ path.axes[number].T).T
-    left, right, bottom, top = path.window[number]
-    aside, above = margin * (right - left), margin * (top - bottom)
-    inside = np.asarray(-z > -reach_m)
-    # Distances to the planes through the eye, positive outside: z is negative in front of the camera.
-    for across, edge in ((x, right + aside), (-x, aside - left), (y, top + above), (-y, above - bottom)):
-        inside &= (across + edge * z) / np.hypot(1.0, edge) < reach_m
-    return inside

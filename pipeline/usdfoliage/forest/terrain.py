@@ -9,7 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import spsolve
 
 from usdfoliage.errors import CaptureError
-from usdfoliage.forest.raster import Raster, is_inside, pixel_grid, sample_bilinear, sample_nearest
+from usdfoliage.forest.raster import Raster, is_inside, pixel_grid, sample_bilinear, sample_nearest, to_pixels
 
 Floats = NDArray[np.float64]
 
@@ -37,6 +37,7 @@ class GroundMesh:
     places_m: Floats  # (V, 3)
     faces: NDArray[np.int32]  # (F, 4), counter-clockwise from above
     st: Floats  # (V, 2), over the rectangle of the terrain: east and north
+    shape: tuple[int, int]  # rows and columns of places
 
 
 def make_terrain(heights: Raster, name: str = "the DEM") -> Terrain:
@@ -150,6 +151,40 @@ def mesh_terrain(terrain: Terrain, max_quads: int) -> GroundMesh:
         places_m=np.column_stack([ground_m, ground_height(terrain, ground_m)]),
         faces=faces.astype(np.int32),
         st=np.stack([pixels[:, 0] / width, 1 - pixels[:, 1] / height], axis=-1),
+        shape=(rows, columns),
+    )
+
+
+def mesh_height(mesh: GroundMesh, terrain: Terrain, ground_m: Floats) -> Floats:
+    """(N,) heights of the mesh at places (N, 2), as it is drawn; beyond its edge that of the edge; metres.
+
+    Each face is two triangles, parted from its first corner to its third, as renderers part it. What is low must stand
+    on these: where the mesh is coarser than the terrain, the heights of the terrain are above it or below.
+    """
+    rows, columns = mesh.shape
+    height, width = terrain.heights.values.shape
+    pixels = (to_pixels(terrain.heights, ground_m) - 0.5) / np.maximum([width - 1, height - 1], 1)
+    place = np.clip(pixels, 0, 1) * [columns - 1, rows - 1]
+    first = np.clip(np.floor(place).astype(np.int64), 0, [columns - 2, rows - 2])
+    across, down = (place - first).T
+    column, row = first.T
+    heights = mesh.places_m[:, 2].reshape(rows, columns)
+    here, beside = heights[row, column], heights[row, column + 1]
+    below, last = heights[row + 1, column], heights[row + 1, column + 1]
+    if np.linalg.det(terrain.heights.ground_from_pixel[:, :2]) > 0:  # the first corner is here, the third is the last
+        return np.asarray(
+            np.where(
+                across > down,
+                here + across * (beside - here) + down * (last - beside),
+                here + down * (below - here) + across * (last - below),
+            )
+        )
+    return np.asarray(
+        np.where(
+            across + down < 1,
+            here + across * (beside - here) + down * (below - here),
+            last + (1 - across) * (below - last) + (1 - down) * (beside - last),
+        )
     )
 
 

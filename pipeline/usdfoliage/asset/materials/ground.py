@@ -20,6 +20,7 @@ class GroundMaterial:
 
     texture: str = ""  # the orthophoto, over the whole st; empty: one colour
     contact_map: str = ""  # the part of the sky that plants leave open, over the whole st; empty: all of it
+    grass_map: str = ""  # the part of the ground that is vegetated, likewise; empty: none of it
     shader: str = ""  # the glslfx source; empty: Storm draws what others draw
     photo_pixel_m: float = 0.5  # of the orthophoto on the ground; noise begins at twice that
     color: tuple[float, float, float] = GROUND_COLOR
@@ -88,11 +89,12 @@ def _author_storm_surface(material: UsdShade.Material, ground: GroundMaterial, t
     types = Sdf.ValueTypeNames
     if texture is not None:
         storm.CreateInput("colorMap", types.Color3f).ConnectToSource(texture.ConnectableAPI(), "rgb")
-    if ground.contact_map:
-        contact = _author_texture(stage, path.AppendChild("ContactMap"), ground.contact_map, "raw")
-        contact.CreateInput("fallback", types.Float4).Set(Gf.Vec4f(1))
-        contact.CreateOutput("r", types.Float)
-        storm.CreateInput("contactMap", types.Float).ConnectToSource(contact.ConnectableAPI(), "r")
+    for name, file, fallback in (("contactMap", ground.contact_map, 1.0), ("grassMap", ground.grass_map, 0.0)):
+        if file:
+            picture = _author_texture(stage, path.AppendChild(name[0].upper() + name[1:]), file, "raw")
+            picture.CreateInput("fallback", types.Float4).Set(Gf.Vec4f(fallback))
+            picture.CreateOutput("r", types.Float)
+            storm.CreateInput(name, types.Float).ConnectToSource(picture.ConnectableAPI(), "r")
     storm.CreateInput("groundColor", types.Color3f).Set(Gf.Vec3f(*ground.color))
     storm.CreateInput("photoPixel", types.Float).Set(ground.photo_pixel_m)
     storm.CreateOutput("surface", types.Token)

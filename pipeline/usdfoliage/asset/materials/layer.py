@@ -16,6 +16,7 @@ CROWN_LEAVES_MATERIAL = f"{MATERIALS}/CrownLeaves"
 LEAF_MATERIAL = f"{MATERIALS}/Leaf"
 BARK_MATERIAL = f"{MATERIALS}/Bark"
 GROUND_MATERIAL = f"{MATERIALS}/Ground"
+GRASS_MATERIAL = f"{MATERIALS}/Grass"
 
 
 def write_materials_layer(path: Path, name: str, materials: Iterable[Callable[[Usd.Stage, Sdf.Path], None]]) -> None:

@@ -47,6 +47,8 @@ def read_forest(root: Usd.Prim) -> ForestInfo:
             seed = int(prim.GetAttribute("foliage:forest:seed").Get() or 0)
             near, far = prim.GetAttribute("foliage:forest:lodDistance").Get() or (0.0, 0.0)
             distance = float(near), float(far)
+        elif prim.IsA(UsdGeom.PointInstancer):
+            walk.PruneChildren()  # grass near a camera, whose meshes are no ground
         elif prim.IsA(UsdGeom.Mesh):
             faces += len(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get() or ())
     return ForestInfo(plants=plants, levels=levels, seed=seed, lod_distance_m=distance, terrain_faces=faces)

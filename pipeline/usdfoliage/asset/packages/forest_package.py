@@ -11,10 +11,18 @@ from pxr import Kind, Sdf, Usd
 
 from usdfoliage.asset.layer import NO_TIMES
 from usdfoliage.asset.materials.bark import BarkMaterial, author_bark_material
+from usdfoliage.asset.materials.grass import GRASS_SHADER, GrassMaterial, author_grass_material
 from usdfoliage.asset.materials.ground import GROUND_SHADER, GroundMaterial, author_ground_material
-from usdfoliage.asset.materials.layer import BARK_MATERIAL, GROUND_MATERIAL, copy_shaders, write_materials_layer
+from usdfoliage.asset.materials.layer import (
+    BARK_MATERIAL,
+    GRASS_MATERIAL,
+    GROUND_MATERIAL,
+    copy_shaders,
+    write_materials_layer,
+)
 from usdfoliage.asset.packages.assembly import begin_asset
 from usdfoliage.asset.packages.interface import TILES, TileEntry, write_interface_layer, write_payload_layer
+from usdfoliage.asset.parts.grass import GrassPrim, write_grass_layer
 from usdfoliage.asset.parts.leaf_part import MATERIAL_LAYER
 from usdfoliage.asset.parts.part import MaterialAuthor
 from usdfoliage.asset.parts.planted import PlantedLevel, write_planted_layer
@@ -38,6 +46,7 @@ class PlantedShot:
     frames: tuple[float, float]  # the first and the last time code
     time_codes_per_second: float
     frames_per_second: float
+    grass: GrassPrim | None = None  # blades near the camera; None of none
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,7 +61,9 @@ class ForestTile:
     @property
     def extent_m(self) -> NDArray[np.float64]:
         """(2, 3) around the ground and all plants."""
-        return box_around([self.terrain.extent_m, *(level.extent_m for level in self.levels if len(level.ids))])
+        grass = [shot.grass.extent_m for shot in self.shots if shot.grass is not None]
+        levels = [level.extent_m for level in self.levels if len(level.ids)]
+        return box_around([self.terrain.extent_m, *levels, *grass])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,6 +72,7 @@ class ForestParts:
 
     tiles: Sequence[ForestTile]  # one without a name, or as many as there are
     ground: GroundMaterial  # paths as seen from the payload's folder
+    grass: GrassMaterial | None = None  # likewise; None where no shot has grass
     sky: SkyPrim | None = None  # likewise; None for no lights
     asset_from_terrain: NDArray[np.float64]  # (4, 4), column vectors: easting, northing and height as the file has them
 
@@ -96,6 +108,10 @@ def write_forest_asset(
     if forest.ground.shader:
         copy_shaders(folder / "shaders", (GROUND_SHADER,))
     materials: list[MaterialAuthor] = [partial(_author_ground, ground=forest.ground), _author_bark]
+    if forest.grass is not None:
+        if forest.grass.shader:
+            copy_shaders(folder / "shaders", (GRASS_SHADER,))
+        materials.append(partial(_author_grass, grass=forest.grass))
     write_materials_layer(place.payload / MATERIAL_LAYER, name, materials)
     for number, tile in enumerate(forest.tiles):
         _write_tile(tile_folder(place.payload, tile.name), tile, tile.name or name)
@@ -137,14 +153,19 @@ def _write_tile(folder: Path, tile: ForestTile, name: str) -> None:
         write_planted_layer(folder / f"plants_{level.name}.usdc", name, [level])
     for shot in tile.shots:
         write_planted_layer(folder / f"plants_{shot.name}.usdc", name, shot.levels, _times_of([shot]))
+        if shot.grass is not None:
+            write_grass_layer(folder / f"grass_{shot.name}.usdc", name, shot.grass)
     materials = f"../../{MATERIAL_LAYER}" if tile.name else f"./{MATERIAL_LAYER}"
     shared = [materials, "./terrain.usdc"]
     write_payload_layer(folder / "payload.usda", name, shared, [_levels_of(tile)], _times_of(tile.shots))
 
 
 def _levels_of(tile: ForestTile) -> VariantSet:
-    names = [level.name for level in tile.levels] + [shot.name for shot in tile.shots]
-    return VariantSet(name=LEVEL, variants={each: [f"./plants_{each}.usdc"] for each in names})
+    layers = {level.name: [f"./plants_{level.name}.usdc"] for level in tile.levels}
+    for shot in tile.shots:
+        grass = [] if shot.grass is None else [f"./grass_{shot.name}.usdc"]
+        layers[shot.name] = [f"./plants_{shot.name}.usdc", *grass]
+    return VariantSet(name=LEVEL, variants=layers)
 
 
 def _times_of(shots: Sequence[PlantedShot]) -> Mapping[str, float]:
@@ -161,6 +182,10 @@ def _times_of(shots: Sequence[PlantedShot]) -> Mapping[str, float]:
 
 def _author_ground(stage: Usd.Stage, root: Sdf.Path, ground: GroundMaterial) -> None:
     author_ground_material(stage, root.AppendPath(GROUND_MATERIAL), ground)
+
+
+def _author_grass(stage: Usd.Stage, root: Sdf.Path, grass: GrassMaterial) -> None:
+    author_grass_material(stage, root.AppendPath(GRASS_MATERIAL), grass)
 
 
 def _author_bark(stage: Usd.Stage, root: Sdf.Path) -> None:

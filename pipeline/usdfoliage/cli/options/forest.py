@@ -5,11 +5,13 @@ import argparse
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
+from usdfoliage.forest.grass import GrassSettings
 from usdfoliage.forest.ground_frame import GroundSettings
 from usdfoliage.forest.planting import PlantingSettings
 from usdfoliage.forest.shots import ShotSettings
 from usdfoliage.forest.sky import SkySettings
 from usdfoliage.forest.tree_tops import TreeTopSettings
+from usdfoliage.jobs.forest.grass import GrassRequest
 from usdfoliage.jobs.forest.inputs import ForestFiles
 from usdfoliage.jobs.forest.run import ForestRequest
 from usdfoliage.jobs.forest.shots import ShotRequest
@@ -50,6 +52,10 @@ def read_forest_request(options: argparse.Namespace) -> ForestRequest:
                 near=options.near_level,
                 far=options.far_level,
                 settings=ShotSettings(lod_distance_m=lod_distance_m, max_full=options.max_full_plants),
+            ),
+            grass=GrassRequest(
+                grown=not options.no_grass,
+                settings=GrassSettings(distance_m=options.grass_distance, max_clumps=options.max_grass_clumps),
             ),
             force=options.force,
             keep_old=options.keep_old,

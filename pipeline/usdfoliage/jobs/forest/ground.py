@@ -1,5 +1,6 @@
 """What lies on the ground of a forest, as pictures: the orthophoto, and how dark it is under plants."""
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -18,22 +19,31 @@ from usdfoliage.jobs.report.pictures import write_picture
 MAX_SIDE_PX = 8192  # of the orthophoto's copy in the asset
 LOSSLESS_PIXELS = 4_000_000  # up to which it is a PNG
 CONTACT_SIDE_PX = 2048  # at most, of the picture of what is dark under plants
+GRASS_SIDE_PX = 4096  # at most, of the picture of vegetated ground
 CONTACT_TEXEL_M = 0.25  # at least
 CONTACT_TEXELS = 1.5e7  # under all crowns together, which take a second, where they may be so large
 COARSEST = 2.0  # radii of the median crown, that a texel is at most
 
 
-def write_ground_maps(folder: Path, name: str, given: ForestInput, planting: Planting) -> GroundMaterial:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GroundLook:
+    """How the ground is drawn."""
+
+    material: GroundMaterial  # paths as seen from the payload's folder
+    open_sky: Raster | None = None  # (H, W), the part of the sky's light that plants leave; None where there are none
+
+
+def write_ground_maps(
+    folder: Path, name: str, given: ForestInput, planting: Planting, *, grass: bool = True
+) -> GroundLook:
     """Write the pictures of the ground into an asset's maps, all over the rectangle of the DEM.
 
     Args:
         folder: Of the asset.
         name: Of the asset, with which their names begin.
         given: The terrain, and its orthophoto where there is one.
-        planting: What stands on it.
-
-    Returns:
-        The ground's material, with paths as seen from the payload.
+        planting: What stands on it, and where it is vegetated.
+        grass: Whether vegetated ground has the hues of grass.
 
     Raises:
         WriteError: A file cannot be written.
@@ -47,7 +57,7 @@ def write_ground_maps(folder: Path, name: str, given: ForestInput, planting: Pla
         texture = f"{name}_orthophoto{'.png' if height * width <= LOSSLESS_PIXELS else '.jpg'}"
         (folder / "maps").mkdir(exist_ok=True)
         write_picture(folder / "maps" / texture, encode_8_bits(encode_srgb(copied.values)), jpeg_quality=92)
-    contact = ""
+    contact, sky_map = "", None
     crowned = np.array([row.kind != PlantKind.GRASS for row in given.plants.rows])[planting.row]
     if crowned.any():
         contact = f"{name}_contact.png"
@@ -56,19 +66,41 @@ def write_ground_maps(folder: Path, name: str, given: ForestInput, planting: Pla
         sky = open_sky(grid, planting.ground_m[crowned], radius_m, planting.height_m[crowned])
         (folder / "maps").mkdir(exist_ok=True)
         write_picture(folder / "maps" / contact, encode_8_bits(sky))
-    return GroundMaterial(
-        texture=f"{MAPS}/{texture}" if texture else "",
-        contact_map=f"{MAPS}/{contact}" if contact else "",
-        shader=f"{SHADERS}/{GROUND_SHADER}",
-        photo_pixel_m=pixel_m,
+        sky_map = replace(grid, values=sky)
+    vegetated = ""
+    if grass and planting.vegetated is not None and planting.vegetated.values.any():
+        vegetated = f"{name}_grass.png"
+        (folder / "maps").mkdir(exist_ok=True)
+        write_picture(folder / "maps" / vegetated, encode_8_bits(lay_vegetated(planting.vegetated, onto).values))
+    return GroundLook(
+        material=GroundMaterial(
+            texture=f"{MAPS}/{texture}" if texture else "",
+            contact_map=f"{MAPS}/{contact}" if contact else "",
+            grass_map=f"{MAPS}/{vegetated}" if vegetated else "",
+            shader=f"{SHADERS}/{GROUND_SHADER}",
+            photo_pixel_m=pixel_m,
+        ),
+        open_sky=sky_map,
     )
 
 
 def lay_photo(photo: Raster, onto: Raster) -> Raster:
     """The orthophoto (H, W, 3) over the rectangle of the DEM, linear, as fine as it is itself."""
+    return _lay_over(photo, onto, MAX_SIDE_PX)
+
+
+def lay_vegetated(vegetated: Raster, onto: Raster) -> Raster:
+    """The part of the ground (H, W) that is vegetated over the rectangle of the DEM, 0 where nothing shows it."""
+    inside = np.pad(np.nan_to_num(vegetated.values), 1)  # beyond it nothing is
+    matrix = vegetated.ground_from_pixel @ np.array([[1.0, 0, -1], [0, 1, -1], [0, 0, 1]])
+    return _lay_over(replace(vegetated, values=inside, ground_from_pixel=matrix), onto, GRASS_SIDE_PX)
+
+
+def _lay_over(photo: Raster, onto: Raster, max_side_px: int) -> Raster:
+    """A picture over the rectangle of the DEM, as fine as it is itself, or with this longest side."""
     height, width = onto.values.shape
     finer = max(1.0, onto.cell_m / photo.cell_m)
-    factor = min(finer, MAX_SIDE_PX / max(height, width))
+    factor = min(finer, max_side_px / max(height, width))
     size = max(1, round(width * factor)), max(1, round(height * factor))
     target = _divide(onto, size)
     # From a pixel of the copy to one of the orthophoto, both counted from the middle of the first pixel.

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from usdfoliage import __version__
 from usdfoliage.asset.asset_record import AssetOrigin
+from usdfoliage.asset.materials.grass import GRASS_SHADER, GrassMaterial
 from usdfoliage.asset.packages.forest_package import ForestParts, ForestTile, tile_folder, write_forest_asset
 from usdfoliage.asset.packages.planted_assets import PlantedAsset
+from usdfoliage.asset.parts.part import SHADERS
 from usdfoliage.asset.parts.terrain import TerrainPrim
 from usdfoliage.asset.provenance import Provenance, combined_sha256
 from usdfoliage.asset.publish import plan_folder, publish_folder
@@ -22,6 +24,7 @@ from usdfoliage.forest.raster import Raster
 from usdfoliage.forest.sky import SkySettings
 from usdfoliage.forest.terrain import GroundMesh, mesh_terrain, middle_of
 from usdfoliage.forest.tiles import MIN_QUADS, TileGrid, tile_ground
+from usdfoliage.jobs.forest.grass import GrassRequest, ShotGrass, grass_rows, grow_grass
 from usdfoliage.jobs.forest.ground import write_ground_maps
 from usdfoliage.jobs.forest.inputs import ForestFiles, ReadForest, describe_files, read_forest
 from usdfoliage.jobs.forest.levels import count_rows, levels_of, make_level, measure_plants
@@ -55,6 +58,7 @@ class ForestRequest:
     max_terrain_quads: int = 1_000_000
     lod_distance_m: tuple[float, float] = (100.0, 200.0)  # as the thesis has it, section 7.3
     shots: ShotRequest = field(default_factory=ShotRequest)
+    grass: GrassRequest = field(default_factory=GrassRequest)  # near the cameras of shots
     sky: SkySettings | None = None  # where the sun is; None for a forest without lights
     tile_m: float | None = None  # side of tiles; None for a forest in one piece
     force: bool = False
@@ -112,7 +116,8 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
         with follow_step("asset", seconds, progress):
             origin_m = middle_of(read.planted.terrain)
             asset_from_ground = frame_of(origin_m)
-            ground = write_ground_maps(folder, request.name, read.planted, planting)
+            look = write_ground_maps(folder, request.name, read.planted, planting, grass=request.grass.grown)
+            ground = look.material
             mesh = mesh_terrain(read.planted.terrain, request.max_terrain_quads)
             points = np.column_stack([mesh.places_m, np.ones(len(mesh.places_m))]) @ asset_from_ground.T
             terrain = TerrainPrim(points_m=points[:, :3], faces=mesh.faces, st=mesh.st)
@@ -141,14 +146,36 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
                 plan_planted_shot(file, camera, by_name, may_be_full, request.shots)
                 for file, camera in zip(request.shots.files, cameras, strict=True)
             ]
-            whole = ForestTile(terrain=terrain, levels=levels, shots=[shot.planted for shot in shots])
-            tiles = [whole] if grid is None else split_forest(whole, mesh, planting, grid)
+            grass: list[ShotGrass | None] = [None] * len(shots)
+            if request.grass.grown and planting.vegetated is not None:
+                grass = [
+                    grow_grass(
+                        read.planted,
+                        planting.vegetated,
+                        look.open_sky,
+                        mesh,
+                        shot.camera.path,
+                        asset_from_ground,
+                        request.planting.seed,
+                        request.shots.settings.margin,
+                        request.grass.settings,
+                    )
+                    for shot in shots
+                ]
+            planted = [
+                replace(shot.planted, grass=None if each is None else each.prim)
+                for shot, each in zip(shots, grass, strict=True)
+            ]
+            whole = ForestTile(terrain=terrain, levels=levels, shots=planted)
+            grass_m = [np.zeros((0, 2)) if each is None else each.ground_m for each in grass]
+            tiles = [whole] if grid is None else split_forest(whole, mesh, planting, grid, grass_m)
             interface = write_forest_asset(
                 folder,
                 request.name,
                 ForestParts(
                     tiles=tiles,
                     ground=ground,
+                    grass=GrassMaterial(shader=f"{SHADERS}/{GRASS_SHADER}") if any(grass) else None,
                     sky=None if request.sky is None else write_sky(folder, request.name, request.sky),
                     asset_from_terrain=asset_from_ground
                     @ np.diag([read.metres_per_unit, read.metres_per_unit, read.metres_per_height, 1.0]),
@@ -158,7 +185,12 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
             )
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
-        rows = (*forest_rows(planting, read), *shot_rows(shots, len(planting)))
+        names = [shot.planted.name for shot in shots]
+        rows = (
+            *forest_rows(planting, read),
+            *shot_rows(shots, len(planting)),
+            *grass_rows(names, grass, planting.vegetated, request.grass),
+        )
         drawn = draw_forest(interface if request.preview else None, report_folder, terrain, remarks, progress)
         if drawn:
             drawn = (*drawn, *draw_shots(interface, report_folder, shots, progress))
@@ -292,6 +324,7 @@ def describe_settings(request: ForestRequest) -> Mapping[str, str]:
         **({} if request.sky is None else {"sky": f"{request.sky.azimuth_deg:g} {request.sky.elevation_deg:g}"}),
         **({} if request.tile_m is None else {"tile": f"{request.tile_m:g}"}),
         **_describe_shots(request.shots),
+        **_describe_grass(request),
     }
 
 
@@ -314,6 +347,16 @@ def _describe_shots(shots: ShotRequest) -> dict[str, str]:
         "max-full-plants": str(shots.settings.max_full),
         **{name: value for name, value in named.items() if value is not None},
     }
+
+
+def _describe_grass(request: ForestRequest) -> dict[str, str]:
+    """What decides how much grass there is."""
+    if not request.grass.grown:
+        return {"no-grass": "yes"}
+    if not request.shots.files:
+        return {}
+    settings = request.grass.settings
+    return {"max-grass-clumps": str(settings.max_clumps), "grass-distance": f"{settings.distance_m:g}"}
 
 
 def _tiles_of(request: ForestRequest, mesh: GroundMesh) -> TileGrid | None:
