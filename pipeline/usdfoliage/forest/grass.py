@@ -137,15 +137,20 @@ def even_places(count: int, side: float, rng: np.random.Generator) -> Floats:
     Each place is that of many which is farthest from those before it (Eldar and others, The farthest point strategy for
     progressive image sampling, 1997).
     """
-    thrown = rng.uniform(0, side, (THROWN * count, 2))
-    away = np.full(len(thrown), np.inf)
+    x, y = thrown = rng.uniform(0, side, (2, THROWN * count))
+    away = np.full(len(x), np.inf)  # squared
     order = np.zeros(count, np.int64)
     for number in range(1, count):
-        offset = np.abs(thrown - thrown[order[number - 1]])
-        offset = np.minimum(offset, side - offset)
-        np.minimum(away, (offset**2).sum(axis=1), out=away)
+        last = order[number - 1]
+        square = np.zeros(len(x))
+        for place in (x, y):
+            offset = np.abs(place - place[last])
+            np.minimum(offset, side - offset, out=offset)
+            offset *= offset
+            square += offset
+        np.minimum(away, square, out=away)
         order[number] = np.argmax(away)
-    return thrown[order]
+    return np.ascontiguousarray(thrown[:, order].T)
 
 
 def _fade(away_m: Floats, settings: GrassSettings) -> Floats:

@@ -87,8 +87,8 @@ def author_grass(stage: Usd.Stage, path: Sdf.Path, grass: GrassPrim) -> UsdGeom.
     primvars, types = UsdGeom.PrimvarsAPI(instancer), Sdf.ValueTypeNames
     tint = primvars.CreatePrimvar(TINT, types.Color3fArray, UsdGeom.Tokens.varying)
     tint.Set(Vt.Vec3fArray.FromNumpy(grass.tint.astype(np.float32)))
-    open_sky = primvars.CreatePrimvar(OPEN_SKY, types.FloatArray, UsdGeom.Tokens.varying)
-    open_sky.Set(Vt.FloatArray.FromNumpy(grass.open_sky.astype(np.float32)))
+    # The picture of it, which the ground has, is as fine.
+    _author_numbers(instancer, OPEN_SKY, np.rint(255 * grass.open_sky) / 255, UsdGeom.Tokens.varying)
     return instancer
 
 
@@ -104,7 +104,14 @@ def _author_form(stage: Usd.Stage, path: Sdf.Path, form: GrassClump, material: S
     mesh.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack([points.min(axis=0), points.max(axis=0)])))
     mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(form.normals.astype(np.float32)))
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-    for name, values in ((ALONG, form.along), (SHADE, form.shade)):
-        primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(name, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
-        primvar.Set(Vt.FloatArray.FromNumpy(values.astype(np.float32)))
+    _author_numbers(mesh, ALONG, form.along, UsdGeom.Tokens.vertex)
+    _author_numbers(mesh, SHADE, form.shade, UsdGeom.Tokens.vertex)
     bind_material(stage, path, material)
+
+
+def _author_numbers(prim: UsdGeom.Imageable, name: str, values: NDArray[np.float64], interpolation: str) -> None:
+    """A primvar of numbers (N,) of which many are equal."""
+    primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(name, Sdf.ValueTypeNames.FloatArray, interpolation)
+    different, index = np.unique(values.astype(np.float32), return_inverse=True)
+    primvar.Set(Vt.FloatArray.FromNumpy(different))
+    primvar.SetIndices(Vt.IntArray.FromNumpy(index.astype(np.int32)))
