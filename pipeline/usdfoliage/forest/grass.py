@@ -23,7 +23,7 @@ THROWN = 3  # places that are thrown for each that a patch has
 FADE = 0.35  # of the distance, over whose end clumps become lower and none
 LOWEST = 0.4  # of their height, that the last ones are high
 EDGE = 0.35, 0.65  # range of the share of vegetation from which on a clump stands: pixels of classes are not seen
-MAX_CLUMPS = 10_000_000
+MIN_CLUMPS, MAX_CLUMPS = 1_000, 10_000_000  # fewer would be none
 LONGEST_M = 1_000.0
 PATCH_SEED, CLUMP_SEED = 6, 7  # beside those of planting.py
 
@@ -42,8 +42,8 @@ class GrassSettings:
     def __post_init__(self) -> None:
         if not 0 < self.distance_m <= LONGEST_M:
             raise ValueError(f"grass_distance must be above 0 and at most {LONGEST_M:g} m, not {self.distance_m:g}")
-        if not 1 <= self.max_clumps <= MAX_CLUMPS:
-            raise ValueError(f"max_grass_clumps must be 1 to {MAX_CLUMPS:,}, not {self.max_clumps}")
+        if not MIN_CLUMPS <= self.max_clumps <= MAX_CLUMPS:
+            raise ValueError(f"max_grass_clumps must be {MIN_CLUMPS:,} to {MAX_CLUMPS:,}, not {self.max_clumps}")
         if not 0 < self.clumps_per_m2 <= 10_000:
             raise ValueError(f"clumps_per_m2 must be above 0 and at most 10,000, not {self.clumps_per_m2:g}")
         if not (0 < self.near_m < np.inf and 1 <= self.widest < np.inf):
@@ -215,7 +215,7 @@ def _nearest_seen(
     first, last = cell.min(axis=0), cell.max(axis=0)
     key = (cell[:, 1] - first[1]) * wide + cell[:, 0] - first[0]  # rises
     reach = int(np.ceil(settings.distance_m / CELL_M))
-    around = CELL_M + settings.height_m[1] * settings.widest
+    around = CELL_M / np.sqrt(2) + settings.height_m[1] * settings.widest  # radius of what stands in a cell
     for number in range(len(path.frame)):
         # Beside the cells a camera may be anywhere, so that its own cell is no whole number that fits.
         middle = np.clip(np.floor(eye_m[number] / CELL_M), first - 2 * reach, last + 2 * reach).astype(np.int64) - first

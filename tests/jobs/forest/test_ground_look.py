@@ -54,8 +54,8 @@ def test_storm_alone_is_given_the_dark_under_plants(files, tmp_path, tiles):
                 for given in surface.GetInputs()
                 for source in given.GetConnectedSources()[0]
             }
-        assert read == {"glslfx": {"Texture", "ContactMap"}, "mtlx": {"MtlxImage"}, "": {"Texture"}}
-        for texture in ("Texture", "ContactMap", "MtlxImage"):
+        assert read == {"glslfx": {"Texture", "ContactMap", "GrassMap"}, "mtlx": {"MtlxImage"}, "": {"Texture"}}
+        for texture in ("Texture", "ContactMap", "GrassMap", "MtlxImage"):
             assert file_of(stage, f"{material.GetPath()}/{texture}")
         storm = material.ComputeSurfaceSource("glslfx")[0]
         assert storm.GetSourceAsset("glslfx").resolvedPath
