@@ -119,8 +119,9 @@ def test_blades_have_the_colour_and_the_light_of_their_ground(folder):
 def test_blades_under_plants_are_darker(folder):
     dark, none = (draw(folder, contact=each, **QUIET) for each in (1.0, 0.0))
     ratio = part(dark, east=True, north=True) / part(none, east=True, north=True)
-    # What is seen of the ground between them is as it was, for it has no picture of the sky here.
-    np.testing.assert_allclose([ratio.min(), np.percentile(ratio, 25), ratio.max()], [0.4, 0.4, 1.0], atol=0.01)
+    # Pixels that blades fill; what is seen of the ground between is as it was, for it has no picture of the sky here.
+    np.testing.assert_allclose([np.percentile(ratio, 5), ratio.max()], [0.4, 1.0], atol=0.02)
+    assert ratio.mean() < 0.65
     np.testing.assert_allclose(part(dark, True, False), part(none, True, False), atol=1e-3)
 
 
