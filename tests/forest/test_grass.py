@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 from usdfoliage.forest.grass import LOWEST, GrassSettings, clump_share, even_places, place_clumps
 from usdfoliage.forest.grass_clump import POINTS, ClumpSettings, build_clump
-from usdfoliage.forest.raster import Raster, sample_nearest
+from usdfoliage.forest.raster import Raster, is_inside, sample_nearest
 from usdfoliage.forest.shots import CameraPath
 
 SIDE_M = 80.0
@@ -125,6 +125,26 @@ def test_frames_far_away_change_nothing():
     path = camera((40, 30, 1.7), (1e9, 30, 1.7), (40, 30, 500))
     both = place(path)
     np.testing.assert_array_equal(one.ground_m, both.ground_m)
+
+
+def test_none_stands_where_there_is_no_ground():
+    """The vegetation may be of more ground than there is, and be turned."""
+
+    def half(ground_m):
+        return np.where(ground_m[:, 0] < ORIGIN_M[0] + 45, 0.0, np.nan)
+
+    clumps = place(camera((40, 30, 1.7)), height=half)
+    assert len(clumps) > 500
+    assert (clumps.ground_m[:, 0] < ORIGIN_M[0] + 45).all()
+    assert np.isfinite(clumps.slope).all()
+    raster = ground()
+    turned = np.array([[0.4, 0.3], [0.3, -0.4]])
+    middle_m = ORIGIN_M + np.array([40.0, 30])
+    turned = np.column_stack([turned, middle_m - turned @ [80, 80]])
+    raster = replace(raster, ground_from_pixel=turned)
+    clumps = place(camera((40, 10, 1.7)), raster=raster)
+    assert len(clumps) > 500
+    assert is_inside(raster, clumps.ground_m).all()
 
 
 def test_one_seed_gives_the_same_and_another_others():

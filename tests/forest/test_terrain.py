@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 from usdfoliage.errors import CaptureError
-from usdfoliage.forest.raster import Raster
-from usdfoliage.forest.terrain import close_holes, ground_height, is_known, make_terrain, mesh_terrain, slope_deg
+from usdfoliage.forest.raster import Raster, to_ground
+from usdfoliage.forest.terrain import (
+    close_holes,
+    ground_height,
+    is_known,
+    make_terrain,
+    mesh_height,
+    mesh_terrain,
+    slope_deg,
+)
 
 from tests.support.forests.scene import forest_scene, frame
 
@@ -61,3 +69,22 @@ def test_a_mesh_lies_on_the_ground_and_is_seen_from_above(max_quads):
     assert (mesh.st <= 1).all()
     north = np.argmax(mesh.places_m[:, 1])
     assert mesh.st[north, 1] > 0.9
+
+
+@pytest.mark.parametrize("north", [-1.0, 1.0])
+@pytest.mark.parametrize("max_quads", [10_000, 60])
+def test_heights_of_the_mesh_are_those_of_its_triangles(north, max_quads):
+    rng = np.random.default_rng(0)
+    raster = Raster(
+        values=rng.random((14, 20)), ground_from_pixel=np.array([[2.0, 0.3, 100.0], [0.2, north * 2.0, 50]])
+    )
+    terrain = make_terrain(raster)
+    mesh = mesh_terrain(terrain, max_quads)
+    assert mesh.shape[0] * mesh.shape[1] == len(mesh.places_m)
+    for corners in ([0, 1, 2], [0, 2, 3]):
+        weight = rng.dirichlet(np.ones(3), len(mesh.faces))
+        places = (weight[:, :, None] * mesh.places_m[mesh.faces[:, corners]]).sum(axis=1)
+        np.testing.assert_allclose(mesh_height(mesh, terrain, places[:, :2]), places[:, 2], atol=1e-9)
+    np.testing.assert_allclose(mesh_height(mesh, terrain, mesh.places_m[:, :2]), mesh.places_m[:, 2], atol=1e-9)
+    beyond = np.array([[-1.0, 5.0], [21.0, 5.0], [5.0, -1.0], [5.0, 15.0]])
+    assert np.isnan(mesh_height(mesh, terrain, to_ground(raster, beyond))).all()

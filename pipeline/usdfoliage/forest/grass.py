@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.forest.raster import Raster, sample_bilinear
+from usdfoliage.forest.raster import Raster, is_inside, sample_bilinear
 from usdfoliage.forest.shots import CameraPath, is_in_view
 
 Floats = NDArray[np.float64]
@@ -82,7 +82,7 @@ def place_clumps(
 
     Args:
         vegetated: (H, W), 1 where plants of any kind are, 0 elsewhere.
-        ground_height: Heights (N,) of places (N, 2), easting and northing; metres.
+        ground_height: Heights (N,) of places (N, 2), easting and northing; metres, NaN where there is no ground.
         path: Of the camera, in the asset's frame.
         asset_from_ground: (4, 4), column vectors, from easting, northing and height to the asset's frame; no scale.
         seed: Of the draws.
@@ -103,20 +103,22 @@ def place_clumps(
     rng = np.random.default_rng([seed, CLUMP_SEED])
     draws = rng.random((5, len(ground_m)))
     edge = EDGE[0] + (EDGE[1] - EDGE[0]) * draws[0]
-    stays = sample_bilinear(vegetated, ground_m) > edge if len(ground_m) else np.zeros(0, bool)
+    step_m = CELL_M / 4
+    around_m = [ground_height(ground_m + step_m * np.array(step)) for step in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+    slope = np.stack([around_m[0] - around_m[1], around_m[2] - around_m[3]], axis=-1) / (2 * step_m)
+    elevation_m = ground_height(ground_m)
+    stays = is_inside(vegetated, ground_m) & np.isfinite(slope).all(axis=1) & np.isfinite(elevation_m)
+    stays[stays] = sample_bilinear(vegetated, ground_m[stays]) > edge[stays]
     own = np.flatnonzero(stays)
     if len(own) > settings.max_clumps:
         first = np.argsort(rank[own] / share[of_cell[own]], kind="stable")
         own = own[np.sort(first[: settings.max_clumps])]
     ground_m, draws, reached_m = ground_m[own], draws[:, own], away_m[of_cell[own]] / shorter
     low_m, high_m = settings.height_m
-    step_m = CELL_M / 4
-    steps_m = step_m * np.array([[1.0, 0], [-1, 0], [0, 1], [0, -1]])
-    around_m = [ground_height(ground_m + step) for step in steps_m]
     return GrassClumps(
         ground_m=ground_m,
-        elevation_m=ground_height(ground_m),
-        slope=np.stack([around_m[0] - around_m[1], around_m[2] - around_m[3]], axis=-1) / (2 * step_m),
+        elevation_m=elevation_m[own],
+        slope=slope[own],
         across=np.clip(reached_m / settings.near_m, 1, settings.widest),
         height_m=(low_m + (high_m - low_m) * draws[1]) * (LOWEST + (1 - LOWEST) * _fade(reached_m, settings)),
         turn_deg=360 * draws[2],

@@ -156,7 +156,7 @@ def mesh_terrain(terrain: Terrain, max_quads: int) -> GroundMesh:
 
 
 def mesh_height(mesh: GroundMesh, terrain: Terrain, ground_m: Floats) -> Floats:
-    """(N,) heights of the mesh at places (N, 2), as it is drawn; beyond its edge that of the edge; metres.
+    """(N,) heights of the mesh at places (N, 2), as it is drawn; NaN beyond its edge; metres.
 
     Each face is two triangles, parted from its first corner to its third, as renderers part it. What is low must stand
     on these: where the mesh is coarser than the terrain, the heights of the terrain are above it or below.
@@ -164,23 +164,27 @@ def mesh_height(mesh: GroundMesh, terrain: Terrain, ground_m: Floats) -> Floats:
     rows, columns = mesh.shape
     height, width = terrain.heights.values.shape
     pixels = (to_pixels(terrain.heights, ground_m) - 0.5) / np.maximum([width - 1, height - 1], 1)
+    beyond = ((pixels < -1e-9) | (pixels > 1 + 1e-9)).any(axis=1)
     place = np.clip(pixels, 0, 1) * [columns - 1, rows - 1]
     first = np.clip(np.floor(place).astype(np.int64), 0, [columns - 2, rows - 2])
     across, down = (place - first).T
     column, row = first.T
     heights = mesh.places_m[:, 2].reshape(rows, columns)
+    none = np.where(beyond, np.nan, 0.0)
     here, beside = heights[row, column], heights[row, column + 1]
     below, last = heights[row + 1, column], heights[row + 1, column + 1]
     if np.linalg.det(terrain.heights.ground_from_pixel[:, :2]) > 0:  # the first corner is here, the third is the last
         return np.asarray(
-            np.where(
+            none
+            + np.where(
                 across > down,
                 here + across * (beside - here) + down * (last - beside),
                 here + down * (below - here) + across * (last - below),
             )
         )
     return np.asarray(
-        np.where(
+        none
+        + np.where(
             across + down < 1,
             here + across * (beside - here) + down * (below - here),
             last + (1 - across) * (below - last) + (1 - down) * (beside - last),
