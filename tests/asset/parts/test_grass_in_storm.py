@@ -125,7 +125,7 @@ def test_blades_under_plants_are_darker(folder):
     np.testing.assert_allclose(part(dark, True, False), part(none, True, False), atol=1e-3)
 
 
-def test_hues_vary_alike_on_blades_and_ground_and_keep_the_mean(folder):
+def test_blades_and_ground_have_one_hue_whose_mean_is_kept(folder):
     bare = draw(folder, grass=False, colorNoise=0.0, normalNoise=0.0) / draw(folder, grass=False, **QUIET)
     assert 0.05 < bare.std() < 0.3
     np.testing.assert_allclose(bare.mean(axis=(0, 1)), 1, atol=0.08)
