@@ -1299,9 +1299,16 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "terrain-unclassified": RemarkKind(
                 severity="warning",
-                meaning="The points of the DEM have no class for the ground. The lowest point of each pixel is taken, "
-                "which may be one of a plant.",
-                action="Look at the ground in the report. Classify the points, for example with PDAL's `filters.smrf`.",
+                meaning="The points of the DEM have no class for the ground. The ground was found by a filter, which "
+                "takes plants and houses off.",
+                action="Look at the ground in the report. Give the width of the widest house where parts of houses are "
+                "left, or classify the points in another program.",
+            ),
+            "canopy-of-cloud": RemarkKind(
+                severity="info",
+                meaning="No canopy height is given. Plants are as high as the highest points of the cloud are above "
+                "its ground.",
+                action="Nothing, or give a raster of the canopy height.",
             ),
             "terrain-holes": RemarkKind(
                 severity="info",

@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from usdfoliage.forest.ground_frame import frame_ground
-from usdfoliage.forest.ground_points import SpacingSample, close_gaps, point_heights, spacing_of_points
+from usdfoliage.forest.ground_points import (
+    SpacingSample,
+    close_gaps,
+    highest_heights,
+    lowest_points,
+    point_heights,
+    spacing_of_points,
+)
 
 from tests.forest.test_mesh_heights import EAST_M, NORTH_M, ORIGIN_M, places_of, plane
 
@@ -18,12 +25,12 @@ def frame_over(plan, cell):
     return frame_ground(plan.min(axis=0), plan.max(axis=0), cell, "the DEM", whole=True)
 
 
-@given(seed=st.integers(0, 30), lowest=st.booleans(), cell=st.floats(0.8, 2.5))
-def test_a_tilted_plane_keeps_its_heights_wherever_its_points_lie(seed, lowest, cell):
+@given(seed=st.integers(0, 30), cell=st.floats(0.8, 2.5))
+def test_a_tilted_plane_keeps_its_heights_wherever_its_points_lie(seed, cell):
     plan = np.random.default_rng(seed).uniform(0, 40, (3_000, 2)) + ORIGIN_M
     frame = frame_over(plan, cell)
     parts = np.array_split(over_plane(plan), 4)
-    heights = point_heights(parts, frame, 10.0, lowest=lowest)
+    heights = point_heights(parts, frame, 10.0)
     known = np.isfinite(heights)
     assert known[3:-3, 3:-3].all()  # along the edge a pixel may have no neighbour beyond it
     assert known.mean() > 0.95
@@ -37,16 +44,28 @@ def test_a_grid_keeps_the_height_of_each_point():
     z = rng.uniform(0, 9, 1200)
     assert spacing_of_points(plan) == pytest.approx(0.5)
     order = rng.permutation(1200)
-    heights = point_heights([np.column_stack([plan, z])[order]], frame_over(plan, 0.5), 5.0, lowest=False)
+    heights = point_heights([np.column_stack([plan, z])[order]], frame_over(plan, 0.5), 5.0)
     np.testing.assert_allclose(heights, z.reshape(30, 40), atol=1e-4)
 
 
-def test_the_mean_of_a_pixel_is_taken_or_its_lowest_point():
+def test_the_mean_of_a_pixel_its_lowest_point_and_its_highest():
     plan = np.repeat(np.stack(np.mgrid[:4, :4], axis=-1).reshape(-1, 2).astype(float), 2, axis=0)
     points = np.column_stack([plan, np.tile([1.0, 4.0], 16)])
     frame = frame_over(plan, 1.0)
-    np.testing.assert_allclose(point_heights([points], frame, 0.0, lowest=False), 2.5)
-    np.testing.assert_allclose(point_heights([points[::-1], points], frame, 0.0, lowest=True), 1.0)
+    np.testing.assert_allclose(point_heights([points], frame, 0.0), 2.5)
+    np.testing.assert_allclose(highest_heights([points, points[::-1]], frame), 4.0)
+    low = lowest_points([points[::-1], points], frame)
+    np.testing.assert_allclose(low[np.lexsort(low.T)], points[::2][np.lexsort(points[::2].T)])
+
+
+def test_pixels_without_a_point_have_none():
+    frame = frame_over(np.array([[0.0, 0], [3, 3]]), 1.0)
+    points = np.array([[0.0, 0, 5], [3, 3, 7], [3.2, 3, 8], [9, 9, 9]])
+    highest = highest_heights([points], frame)
+    assert np.isfinite(highest).sum() == 2
+    assert highest[3, 0] == 5
+    assert highest[0, 3] == 8
+    np.testing.assert_allclose(lowest_points([points], frame), [[3, 3, 7], [0, 0, 5]])
 
 
 def test_small_holes_are_filled_linearly_and_large_ones_stay():
@@ -55,7 +74,7 @@ def test_small_holes_are_filled_linearly_and_large_ones_stay():
     from_small, from_large = plan - [EAST_M + 12, NORTH_M + 12], plan - [EAST_M + 40, NORTH_M + 40]
     small, large = (np.abs(from_small) <= 3).all(axis=1), (np.abs(from_large) <= 6).all(axis=1)
     frame = frame_over(plan, 1.0)
-    heights = point_heights([over_plane(plan[~small & ~large])], frame, 8.0, lowest=False)
+    heights = point_heights([over_plane(plan[~small & ~large])], frame, 8.0)
     places = places_of(frame)
     unknown = np.isnan(heights)
     assert unknown.sum() == 13 * 13

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 from usdfoliage.errors import CaptureError
-from usdfoliage.forest.ground_frame import GroundFrame, GroundSettings, frame_ground
+from usdfoliage.forest.ground_frame import GroundFrame, frame_ground
+from usdfoliage.forest.ground_settings import GroundSettings
 from usdfoliage.forest.mesh_heights import mesh_heights, spacing_of_mesh
 from usdfoliage.forest.raster import Raster, pixel_grid
 

@@ -1,9 +1,10 @@
 """Plant a forest on a terrain, from rasters of its ground and of what stands on it.
 
-DEM is a raster of the ground's heights, or a mesh (.obj) or a cloud (.las, .laz) of the ground. Trees are found in the
-canopy height, or in the orthophoto where there is no canopy height; --trunks gives their places instead. Shrubs and
-grass are drawn where --vegetation has their class, or where the pictures show them. plants.toml lists the species,
-their assets, heights and shares, and what they look like from above.
+DEM is a raster of the ground's heights, or a mesh (.obj) of the ground, or a scan (.las, .laz, .e57, .ply, .pts), in
+which the ground is found. Trees are found in the canopy height, else in the scan, or in the orthophoto where there is
+neither; --trunks gives their places instead. Shrubs and grass are drawn where --vegetation has their class, or where
+the pictures show them. plants.toml lists the species, their assets, heights and shares, and what they look like from
+above.
 
     usdfoliage forest dem.tif --plants plants.toml --orthophoto photo.tif --canopy canopy.tif -o forests/valley
 
@@ -32,6 +33,7 @@ from usdfoliage.files.write_gate import Access
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from usdfoliage.forest.grass import GrassSettings
+    from usdfoliage.forest.ground_settings import GroundFilterSettings
     from usdfoliage.forest.planting import PlantingSettings
     from usdfoliage.forest.shots import ShotSettings
     from usdfoliage.forest.tree_tops import TreeTopSettings
@@ -43,7 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DEM",
         type=Path,
         help="The input is a raster of the ground's heights, as a GeoTIFF in a coordinate system in metres or feet. It "
-        "may also be an OBJ mesh of the ground with easting, northing and height as x, y and z, or a LAS or LAZ cloud.",
+        "may also be an OBJ mesh of the ground with easting, northing and height as x, y and z, or a scan in LAS, LAZ, "
+        "E57, PLY or PTS.",
     )
     add_output(files)
     files.add_argument(
@@ -52,6 +55,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         help="The heights of a mesh or a cloud are taken at this distance in metres. Without this option it follows "
         "from the spacing of the points.",
+    )
+    files.add_argument(
+        "--widest-object",
+        metavar="METRES",
+        type=float,
+        default=GroundFilterSettings.widest_object_m,
+        help="In a cloud without classes the ground is found below what is no wider than this, in metres; the default "
+        "is %(default)g.",
     )
     files.add_argument(
         "--plants",

@@ -73,6 +73,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
         options={},
         arguments={
             "camera": "--camera",
+            "canopy": "--canopy",
             "camera_prim": "--camera-prim",
             "ground_spacing": "--ground-spacing",
             "max_terrain_quads": "--max-terrain-quads",

@@ -14,20 +14,6 @@ _ROUNDING = 1e-6  # of a pixel
 _OF_LAST = 0.25  # of a pixel: a last column or row is there where points go so far into it
 
 
-@dataclass(frozen=True, kw_only=True)
-class GroundSettings:
-    """How a mesh or a cloud of the ground becomes a raster."""
-
-    spacing_m: float | None = None  # side of a pixel; None: by the spacing of the points
-    max_gap_m: float = 10.0  # holes of a cloud that are no wider are filled; a tall crown hides as much
-
-    def __post_init__(self) -> None:
-        if self.spacing_m is not None and not 1e-6 <= self.spacing_m <= 1e6:
-            raise ValueError(f"ground_spacing must be a length of 1e-6 to 1e6 metres, not {self.spacing_m:g}")
-        if not 0 <= self.max_gap_m < np.inf:
-            raise ValueError(f"max_gap_m must be a length from 0 on, not {self.max_gap_m:g}")
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GroundFrame:
     """Square pixels, the first row in the north; the middle of the south-western one is at the lowest point."""

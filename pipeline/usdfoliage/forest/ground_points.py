@@ -104,41 +104,27 @@ def close_gaps(covered: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     return np.asarray(closed[reach:-reach, reach:-reach] > 0)
 
 
-def point_heights(parts: Iterable[Floats], frame: GroundFrame, max_gap: float, *, lowest: bool) -> Floats:
+def point_heights(parts: Iterable[Floats], frame: GroundFrame, max_gap: float) -> Floats:
     """(rows, columns) the height of the points in each pixel, at its middle; NaN in gaps that are too wide.
 
-    Height and place are the means of the points in a pixel, or those of its lowest point. From there to the middle the
-    height follows the slope between the neighbours, so that a plane keeps its heights wherever its points lie. Gaps
-    are filled linearly along rows and columns.
+    Height and place are the means of the points in a pixel. From there to the middle the height follows the slope
+    between the neighbours, so that a plane keeps its heights wherever its points lie. Gaps are filled linearly along
+    rows and columns.
 
     Args:
         parts: Of the cloud, each (N, 3) easting, northing and height in the unit of the frame.
         frame: Of the pixels; points beside them are left out.
         max_gap: The widest gap that is filled, in the same unit.
-        lowest: Whether to take the lowest point of each pixel instead of the mean.
     """
     shape = frame.rows, frame.columns
     size = frame.rows * frame.columns
     count = np.zeros(size, np.int32)
     east, south = np.zeros(size, np.float32), np.zeros(size, np.float32)  # from the middle of the pixel, in pixels
-    height = np.full(size, np.inf) if lowest else np.zeros(size)
+    height = np.zeros(size)
     for points in parts:
-        middle = frame.to_middles(points[:, :2])
-        size_px = np.array([frame.columns, frame.rows])
-        inside = (np.abs(middle + 0.5 - size_px / 2) <= size_px / 2 + _ROUNDING).all(axis=1)
-        middle, z = middle[inside], points[inside, 2]
-        pixel = np.clip(np.floor(middle + 0.5), 0, size_px - 1)
-        cell, offset = (pixel[:, 1] * frame.columns + pixel[:, 0]).astype(np.int64), middle - pixel
-        if lowest:
-            order = np.lexsort((z, cell))
-            cell, first = np.unique(cell[order], return_index=True)
-            chosen = order[first]
-            lower = z[chosen] < height[cell]
-            cell, chosen = cell[lower], chosen[lower]
-            height[cell], east[cell], south[cell], count[cell] = z[chosen], offset[chosen, 0], offset[chosen, 1], 1
-            continue
+        inside, cell, offset = _to_pixels(points, frame)
         np.add.at(count, cell, 1)
-        np.add.at(height, cell, z)
+        np.add.at(height, cell, points[inside, 2])
         np.add.at(east, cell, offset[:, 0].astype(np.float32))
         np.add.at(south, cell, offset[:, 1].astype(np.float32))
     covered = count > 0
@@ -148,7 +134,48 @@ def point_heights(parts: Iterable[Floats], frame: GroundFrame, max_gap: float, *
     height = _at_middles(height, offsets)
     reach = min(max(_NARROW, int(max_gap / frame.cell / 2)), max(shape))  # no gap is wider than the raster
     gaps = close_gaps(covered.reshape(shape), reach) & ~covered.reshape(shape)
-    return _fill_linearly(height, gaps)
+    return fill_linearly(height, gaps)
+
+
+def lowest_points(parts: Iterable[Floats], frame: GroundFrame) -> Floats:
+    """(P, 3) the lowest point of each pixel that has one, by row and column; parts and frame as above."""
+    size = frame.rows * frame.columns
+    height = np.full(size, np.inf)
+    plan = np.zeros((size, 2))
+    for points in parts:
+        inside, cell, _ = _to_pixels(points, frame)
+        chosen = points[inside]
+        before = height.copy()
+        np.minimum.at(height, cell, chosen[:, 2])
+        lowest = chosen[:, 2] == height[cell]
+        cell, chosen = cell[lowest], chosen[lowest]
+        order = np.lexsort((chosen[:, 1], chosen[:, 0], cell))  # of some that are as low, one in any order of points
+        cell, first = np.unique(cell[order], return_index=True)
+        chosen = chosen[order[first], :2]
+        is_before = (chosen[:, 0] < plan[cell, 0]) | ((chosen[:, 0] == plan[cell, 0]) & (chosen[:, 1] < plan[cell, 1]))
+        lower = (height[cell] < before[cell]) | is_before
+        plan[cell[lower]] = chosen[lower]
+    covered = np.isfinite(height)
+    return np.column_stack([plan[covered], height[covered]])
+
+
+def highest_heights(parts: Iterable[Floats], frame: GroundFrame) -> Floats:
+    """(rows, columns) the height of the highest point of each pixel, NaN without one; parts and frame as above."""
+    height = np.full(frame.rows * frame.columns, -np.inf)
+    for points in parts:
+        inside, cell, _ = _to_pixels(points, frame)
+        np.maximum.at(height, cell, points[inside, 2])
+    return np.where(np.isfinite(height), height, np.nan).reshape(frame.rows, frame.columns)
+
+
+def _to_pixels(points: Floats, frame: GroundFrame) -> tuple[NDArray[np.bool_], NDArray[np.int64], Floats]:
+    """(N,) which points (N, 3) lie in the frame, numbers (I,) of their pixels, and where (I, 2) they lie in these."""
+    middle = frame.to_middles(points[:, :2])
+    size_px = np.array([frame.columns, frame.rows])
+    inside = np.asarray((np.abs(middle + 0.5 - size_px / 2) <= size_px / 2 + _ROUNDING).all(axis=1))
+    middle = middle[inside]
+    pixel = np.clip(np.floor(middle + 0.5), 0, size_px - 1)
+    return inside, (pixel[:, 1] * frame.columns + pixel[:, 0]).astype(np.int64), middle - pixel
 
 
 def _at_middles(height: Floats, offset: NDArray[np.floating]) -> Floats:
@@ -198,7 +225,7 @@ def _slopes(height: Floats, offset: Floats, reach: int) -> Floats:
     return np.where(is_wide[..., None], np.stack([by_column, by_row], axis=-1), np.nan)
 
 
-def _fill_linearly(height: Floats, gaps: NDArray[np.bool_]) -> Floats:
+def fill_linearly(height: Floats, gaps: NDArray[np.bool_]) -> Floats:
     """(H, W) heights with those in gaps (H, W) between the nearest known ones of the row and of the column."""
     row, column = np.nonzero(gaps)
     total, weight = np.zeros(len(row)), np.zeros(len(row))

@@ -11,13 +11,14 @@ from rasterio.crs import CRS
 from usdfoliage.__main__ import main
 from usdfoliage.asset.packages.leaf_package import write_crown_asset
 from usdfoliage.asset.provenance import Provenance
-from usdfoliage.forest.ground_frame import GroundSettings
+from usdfoliage.forest.ground_settings import GroundSettings
 from usdfoliage.forest.raster import pixel_grid
-from usdfoliage.jobs.forest.inputs import ForestFiles, read_forest
+from usdfoliage.forest.tree_tops import find_tops_of_canopy
+from usdfoliage.jobs.forest.inputs import ForestFiles, ReadForest, read_forest
 
-from tests.support.cloud_files import write_las
+from tests.support.cloud_files import write_las, write_ply
 from tests.support.forests.ground import grid_quads, write_obj
-from tests.support.forests.scene import EPSG, SIZE_PX, forest_scene, frame, write_forest_files, write_raster
+from tests.support.forests.scene import EPSG, SIZE_PX, forest_scene, frame, match, write_forest_files, write_raster
 from tests.support.plant_assets import round_crown
 
 PLAIN = Provenance(capture="crown.jpg", generator="test", seed=0, input_sha256="0")
@@ -93,21 +94,92 @@ def test_only_points_of_the_class_ground_are_taken(files, points, tmp_path):
     np.testing.assert_allclose(heights.values, forest_scene().dem.values, atol=0.002)
     np.testing.assert_allclose(heights.ground_from_pixel, frame(), atol=1e-6)
     assert CRS.from_wkt(heights.crs).to_epsg() == EPSG  # without its system of heights
-    assert [remark.code for remark in read.remarks] == ["terrain-gridded"]
+    assert [remark.code for remark in read.remarks] == ["terrain-gridded", "canopy-of-cloud"]
 
 
-def test_without_classes_the_lowest_points_are_taken_with_a_warning(files, points, tmp_path):
-    cloud = np.concatenate([points + np.array([0, 0, 5.0]), points])
-    dem = write_cloud(tmp_path / "ground.las", cloud, np.ones(len(cloud)))
-    read = read_forest(ForestFiles(dem=dem, plants=files["plants"], ground=GroundSettings(spacing_m=1.0)))
-    assert {remark.code for remark in read.remarks} == {
+def scan_of_scene(seed: int = 0) -> np.ndarray:
+    """(N, 3) the scene as a scan sees it: its canopy, and a fifth of the ground below."""
+    scene = forest_scene()
+    rng = np.random.default_rng(seed)
+    place = rng.uniform(0, SIZE_PX, (60_000, 2))
+    column, row = place.astype(int).T
+    ground_m = scene.dem.values[row, column] + (place % 1 - 0.5) @ np.array([0.05, -0.025])
+    up = np.where(rng.random(len(place)) < 0.2, 0, scene.canopy.values[row, column])
+    plan = place @ frame()[:, :2].T + frame()[:, 2]
+    return np.column_stack([plan, ground_m + up + rng.normal(0, 0.02, len(place))])
+
+
+def found_trees(read: ReadForest) -> int:
+    """How many trees of the scene are found in the canopy."""
+    assert read.planted.canopy is not None
+    scene, tops = forest_scene(), find_tops_of_canopy(read.planted.canopy)
+    assert len(tops.ground_m) < 1.1 * len(scene.trees_m)
+    found, true = match(tops.ground_m, scene.trees_m, 0.5 * scene.radius_m)
+    assert np.median(np.abs(tops.height_m[found] - scene.height_m[true])) < 0.5
+    return len(found)
+
+
+def test_in_a_scan_without_classes_the_ground_and_the_trees_are_found(files, tmp_path):
+    scan = scan_of_scene()
+    outliers = scan[:20] - [0, 0, 15.0]
+    dem = write_cloud(tmp_path / "scan.las", np.concatenate([scan, outliers]), np.ones(len(scan) + 20))
+    read = read_forest(ForestFiles(dem=dem, plants=files["plants"]))
+    assert {remark.code for remark in read.remarks} - {"terrain-holes"} == {
         "terrain-gridded",
         "terrain-unclassified",
         "terrain-without-crs",
+        "canopy-of-cloud",
     }
+    assert read.planted.terrain.hole_share < 0.01  # along the edge
     heights = read.planted.terrain.heights
     east, north = np.moveaxis(pixel_grid(heights) - frame()[:, 2], -1, 0)
-    np.testing.assert_allclose(heights.values[1:-1, 1:-1], (300 + 0.1 * east + 0.05 * north)[1:-1, 1:-1], atol=0.01)
+    error_m = heights.values - (300 - 0.0375 + 0.1 * east + 0.05 * north)
+    assert np.sqrt(np.mean(error_m**2)) < 0.1
+    assert found_trees(read) > 0.9 * len(forest_scene().trees_m)
+
+
+def test_a_scan_in_ply_or_in_feet_gives_the_same_trees(files, tmp_path):
+    scan = scan_of_scene()
+    dem = write_ply(tmp_path / "scan.ply", np.concatenate([scan, np.full((5, 3), np.nan)]))
+    read = read_forest(ForestFiles(dem=dem, plants=files["plants"]))
+    foot = 1200 / 3937
+    feet = write_cloud(tmp_path / "feet.las", scan / foot, np.ones(len(scan)), system("2263+6360"))
+    in_feet = read_forest(ForestFiles(dem=feet, plants=files["plants"]))
+    assert found_trees(read) == pytest.approx(found_trees(in_feet), abs=2)
+
+
+def test_a_cloud_with_classes_has_a_canopy_without_its_houses(files, points, tmp_path):
+    scene = forest_scene()
+    canopy = scene.canopy.values.reshape(-1)
+    above = (points + np.column_stack([np.zeros((len(points), 2)), canopy]))[canopy > 0]
+    house = points[:400] + np.array([0, 0, 40.0])
+    cloud = np.concatenate([points, above, house])
+    classes = np.repeat([2, 5, 6], [len(points), len(above), len(house)])
+    dem = write_cloud(tmp_path / "scan.laz", cloud, classes)
+    read = read_forest(ForestFiles(dem=dem, plants=files["plants"]))
+    assert found_trees(read) > 0.9 * len(scene.trees_m)
+    assert np.nanmax(read.planted.canopy.values) < 20
+    given = read_forest(ForestFiles(dem=dem, plants=files["plants"], canopy=files["canopy"]))
+    assert "canopy-of-cloud" not in {remark.code for remark in given.remarks}
+
+
+def test_ground_alone_has_no_canopy(files, points, tmp_path):
+    dem = write_cloud(tmp_path / "ground.las", points)
+    assert read_forest(ForestFiles(dem=dem, plants=files["plants"])).planted.canopy is None
+
+
+def test_scans_without_ground_are_one_line_that_names_the_file(files, tmp_path, capsys):
+    rng = np.random.default_rng(0)
+    along, up = rng.uniform(0, 60, 5000), rng.uniform(0, 8, 5000)
+    wall = np.column_stack([0.8 * along, 0.6 * along, up]) + rng.normal(0, 0.02, (5000, 3))
+    text = refused(files, write_cloud(tmp_path / "wall.las", wall, np.ones(5000)), tmp_path, capsys)
+    assert "wall.las: the lowest points lie on a line" in text
+    three = np.array([[0.0, 0, 0], [9, 0, 1], [0, 9, 1]])
+    text = refused(files, write_cloud(tmp_path / "three.las", three, np.ones(3)), tmp_path, capsys)
+    assert "and 25 needed" in text
+    assert "--canopy" in text
+    nothing = write_ply(tmp_path / "nan.ply", np.full((50, 3), np.nan))
+    assert "none of its 50 points can be used" in refused(files, nothing, tmp_path, capsys)
 
 
 def test_a_cloud_in_feet_becomes_metres_and_the_spacing_stays_in_metres(files, points, tmp_path):
@@ -185,6 +257,12 @@ def test_meshes_that_cannot_be_are_one_line_that_names_the_file(files, points, t
 def test_a_spacing_that_cannot_be_is_refused(files, tmp_path, capsys, spacing):
     assert main([*words(files, files["dem"], "--ground-spacing", spacing), "-o", str(tmp_path / "none")]) == 2
     assert "ground_spacing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("width", ["0", "3", "nan"])
+def test_a_widest_object_that_cannot_be_is_refused(files, tmp_path, capsys, width):
+    assert main([*words(files, files["dem"], "--widest-object", width), "-o", str(tmp_path / "none")]) == 2
+    assert "widest_object" in capsys.readouterr().err
 
 
 def test_a_raster_takes_no_spacing(files, tmp_path, capsys):

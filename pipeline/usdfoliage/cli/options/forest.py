@@ -6,7 +6,7 @@ from usdfoliage.asset.plant import asset_name
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
 from usdfoliage.forest.grass import GrassSettings
-from usdfoliage.forest.ground_frame import GroundSettings
+from usdfoliage.forest.ground_settings import GroundFilterSettings, GroundSettings
 from usdfoliage.forest.planting import PlantingSettings
 from usdfoliage.forest.shots import ShotSettings
 from usdfoliage.forest.sky import SkySettings
@@ -31,7 +31,10 @@ def read_forest_request(options: argparse.Namespace) -> ForestRequest:
                 canopy=options.canopy,
                 vegetation=options.vegetation,
                 trunks=options.trunks,
-                ground=GroundSettings(spacing_m=options.ground_spacing),
+                ground=GroundSettings(
+                    spacing_m=options.ground_spacing,
+                    filter=GroundFilterSettings(widest_object_m=options.widest_object),
+                ),
             ),
             output=options.output,
             name=asset_name(options.name or options.output.resolve().name),

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.reading import read_regular
 from usdfoliage.forest.ground_files import is_ground_file, read_ground
-from usdfoliage.forest.ground_frame import GroundSettings
+from usdfoliage.forest.ground_settings import GroundSettings
 from usdfoliage.forest.planting import ForestInput
 from usdfoliage.forest.plants_file import TALLEST_M, PlantsFile, read_plants_file
 from usdfoliage.forest.raster import Raster, is_inside
 from usdfoliage.forest.raster_files import RasterFile, is_covered, read_raster
 from usdfoliage.forest.terrain import make_terrain
+from usdfoliage.forest.tree_tops import LOWEST_M
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.remarks import Argument, Remark, remark
 
@@ -28,8 +29,11 @@ UNITS = {  # metres, of heights as files name their units
     **dict.fromkeys(("mm", "millimetre", "millimeter"), 0.001),
 }
 MIN_COVERED = 0.05  # of the DEM, by another raster
+MIN_CANOPY = 0.001  # of the pixels of a cloud, as high as trees
 WHOLLY_COVERED = 0.98  # from which on there is no remark
 MAX_TRUNK_BYTES = 1 << 28
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +78,7 @@ def read_forest(files: ForestFiles) -> ReadForest:
             ("give ", Argument(name="vegetation"), " or leave water_m out"),
         )
     remarks: list[Remark] = []
-    dem = _read_dem(files, remarks)
+    dem, highest = _read_dem(files, remarks)
     height_unit = _height_unit(dem, files.dem, remarks)
     if not dem.has_crs:
         taken = "its easting, northing and heights are taken for metres"
@@ -95,6 +99,8 @@ def read_forest(files: ForestFiles) -> ReadForest:
         orthophoto = _read_orthophoto(files.orthophoto, terrain.heights, remarks)
     if files.canopy is not None:
         canopy = _read_canopy(files.canopy, terrain.heights, height_unit, remarks)
+    elif highest is not None:
+        canopy = _measure_canopy(highest * height_unit, terrain.heights, files.dem, remarks)
     if files.vegetation is not None:
         vegetation = _read_other(files.vegetation, "the vegetation", terrain.heights, remarks, classes=True).raster
         _check_codes(vegetation, plants, files.vegetation)
@@ -122,21 +128,21 @@ def read_forest(files: ForestFiles) -> ReadForest:
     )
 
 
-def _read_dem(files: ForestFiles, remarks: list[Remark]) -> RasterFile:
-    """The heights of the ground, of whatever kind their file is."""
+def _read_dem(files: ForestFiles, remarks: list[Remark]) -> tuple[RasterFile, Floats | None]:
+    """The heights of the ground, of whatever kind their file is, and of a cloud those of its highest points."""
     if is_ground_file(files.dem):
         ground = read_ground(files.dem, files.ground)
         remarks += ground.remarks
-        return ground.file
+        return ground.file, ground.highest
     if files.ground.spacing_m is not None:
         raise CaptureError(
             f"the DEM {files.dem} is a raster, whose pixels are as large as they are",
             ("leave out ", Argument(name="ground_spacing"), ", which is for a mesh or a cloud"),
         )
-    return read_raster(files.dem, "the DEM")
+    return read_raster(files.dem, "the DEM"), None
 
 
-def read_trunks(path: Path) -> NDArray[np.float64]:
+def read_trunks(path: Path) -> Floats:
     """(N, 2) easting and northing, of a CSV: two numbers a line, more columns and lines of words are left out.
 
     Raises:
@@ -206,6 +212,18 @@ def _read_canopy(path: Path, onto: Raster, height_unit: float, remarks: list[Rem
             "give heights above the ground and not above the sea, and state their unit and their no-data value",
         )
     return Raster(values=heights, ground_from_pixel=file.raster.ground_from_pixel, crs=file.raster.crs)
+
+
+def _measure_canopy(highest_m: Floats, onto: Raster, path: Path, remarks: list[Remark]) -> Raster | None:
+    """Heights of the highest points above the ground of the DEM; None where nearly none stand on it."""
+    height_m = np.maximum(highest_m - onto.values, 0)
+    height_m[height_m > TALLEST_M] = np.nan  # of birds and clouds
+    share = float((height_m >= LOWEST_M).mean())
+    if share < MIN_CANOPY:
+        return None
+    text = f"the highest points of {path.name} are the canopy: {share:.1%} of it are {LOWEST_M:g} m high or more"
+    remarks.append(remark("canopy-of-cloud", text))
+    return Raster(values=height_m, ground_from_pixel=onto.ground_from_pixel, crs=onto.crs)
 
 
 def _read_orthophoto(path: Path, onto: Raster, remarks: list[Remark]) -> Raster:

@@ -18,6 +18,7 @@ from usdfoliage.asset.provenance import Provenance, combined_sha256
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import hash_file
+from usdfoliage.forest.ground_files import is_ground_file
 from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.planting import Planting, PlantingSettings, plant_forest
 from usdfoliage.forest.raster import Raster
@@ -321,6 +322,11 @@ def describe_settings(request: ForestRequest) -> Mapping[str, str]:
         "lod-distance": "{:g} {:g}".format(*request.lod_distance_m),
         "max-terrain-quads": str(request.max_terrain_quads),
         **({} if request.files.ground.spacing_m is None else {"ground-spacing": f"{request.files.ground.spacing_m:g}"}),
+        **(
+            {"widest-object": f"{request.files.ground.filter.widest_object_m:g}"}
+            if is_ground_file(request.files.dem)
+            else {}
+        ),
         **({} if request.sky is None else {"sky": f"{request.sky.azimuth_deg:g} {request.sky.elevation_deg:g}"}),
         **({} if request.tile_m is None else {"tile": f"{request.tile_m:g}"}),
         **_describe_shots(request.shots),
