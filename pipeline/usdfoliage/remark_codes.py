@@ -1038,6 +1038,13 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 ),
                 action="Nothing. The plant is shown with its leaves at any distance.",
             ),
+            "crown-leaf-plain": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "The picture of the average leaf cannot be used for the leaves of the crown, which are plain ones."
+                ),
+                action="Do what the remark asks for. Nothing else of the plant changes.",
+            ),
             "crown-of-no-leaves": RemarkKind(
                 severity="info",
                 meaning="The plant has no leaves, and so no crown.",

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """The forms of crowns in Storm: how much of a silhouette they share with the mesh, and how far their colours are apart.
 
-usage: tools/bench/crown_forms.py CROWN [CROWN ...] [--views 12] [--size 480] [--sheet SHEET.jpg]
+usage: tools/bench/crown_forms.py CROWN [CROWN ...] [--views 12] [--size 480] [--clusters N] [--sheet SHEET.jpg]
 
-Every crown is drawn in each of its forms from the same cameras around it, at three distances.
+Every crown is drawn in each of its forms from the same cameras around it, at three distances. Of a whole plant
+its crown alone is drawn.
 """
 
 import argparse
@@ -14,6 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pxr import Sdf, Usd
 from usdfoliage.asset.packages.contents import interface_of
 from usdfoliage.asset.packages.planted_assets import measure_planted_asset
 from usdfoliage.geometry.pinhole import Pinhole, look_at
@@ -38,13 +40,17 @@ def main() -> int:
     parser.add_argument("--views", type=int, default=12)
     parser.add_argument("--size", type=int, default=480)
     parser.add_argument("--forms", nargs="+", choices=FORMS[1:], default=list(FORMS[1:]))
+    parser.add_argument("--clusters", type=int, help="At most this many clusters of leaves are drawn.")
     parser.add_argument("--sheet", type=Path)
     options = parser.parse_args()
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for crown in options.crowns:
             interface = interface_of(crown)[0]
+            if options.clusters is not None:
+                interface = with_clusters(interface, options.clusters, Path(folder))
             asset = measure_planted_asset(crown)
+            lod = tuple(asset.crown.selections.items())
             cameras = [
                 camera_around(
                     asset.crown.extent_m,
@@ -58,7 +64,11 @@ def main() -> int:
             drawn = {}
             for form in ("mesh", *options.forms):
                 views = [
-                    PreviewView(output=Path(folder) / f"{number}.png", pinhole=camera, variants=(("crown", form),))
+                    PreviewView(
+                        output=Path(folder) / f"{number}.png",
+                        pinhole=camera,
+                        variants=(*lod, ("crown", form)),
+                    )
                     for number, camera in enumerate(cameras)
                 ]
                 settings = PreviewSettings(background=None, complexity="high")
@@ -77,6 +87,19 @@ def main() -> int:
     if options.sheet:
         cv2.imwrite(str(options.sheet), np.vstack(rows)[..., ::-1])
     return 0
+
+
+def with_clusters(interface: Path, count: int, folder: Path) -> Path:
+    """A layer over an asset that draws at most so many clusters of leaves."""
+    layer = Sdf.Layer.CreateNew(str(folder / f"{interface.stem}_{count}.usda"))
+    layer.subLayerPaths.append(str(interface.absolute()))
+    root = Usd.Stage.Open(str(interface), Usd.Stage.LoadNone).GetDefaultPrim()
+    layer.defaultPrim = root.GetName()
+    shader = Sdf.CreatePrimInLayer(layer, root.GetPath().AppendPath("mtl/CrownLeaves/StormSurface"))
+    number = Sdf.AttributeSpec(shader, "inputs:mostClusters", Sdf.ValueTypeNames.Float)
+    number.default = float(count)
+    layer.Save()
+    return Path(layer.realPath)
 
 
 def over_grey(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -6,7 +6,7 @@ photographs, cameras and a cloud, as usdfoliage capture makes them: the crown is
 photographs show it. CLOUD is a point cloud alone: the crown is where its points are, and has their colours.
 
     usdfoliage crown oak.jpg --mask oak_mask.png -o assets/oak --height 7.5
-    usdfoliage crown scan.laz -o assets/ash_crown
+    usdfoliage crown scan.laz -o assets/ash_crown --leaf ash_leaf.png
 
 The asset has a mesh of the crown, cubemaps of its radius and its colour (EXR), and a report, with pictures if the
 preview interpreter is installed.
@@ -72,6 +72,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=AssetSettings.crown_mesh_size,
         help="The cage has this many vertices along an edge of the cube, 3 or more; the default is auto: as few as "
         "keep the silhouettes of the crown.",
+    )
+    files.add_argument(
+        "--leaf",
+        metavar="FILE|ASSET",
+        type=Path,
+        help="The leaves of the form leaves look like this: a picture of one leaf, its base below, transparent beside "
+        "it, or an asset with leaves, of which the average leaf is taken. The default is a plain leaf.",
     )
     _add_photo_options(parser.add_argument_group("of a photograph"))
     cloud = parser.add_argument_group("of a capture or a cloud")
@@ -147,7 +154,7 @@ def declare(options: argparse.Namespace) -> Access:
     kept = given(options.mask)  # of one in OUT the asset gets a copy, as of a proposal that was corrected
     kept = kept if kept and kept[0].name.endswith("_mask_proposal.png") else ()
     return Access(
-        reads=(*parts_of_input(options.photo, options.output), *given(options.mask)),
+        reads=(*parts_of_input(options.photo, options.output), *given(options.mask), *given(options.leaf)),
         replaces=(options.output,),
         keeps=kept,
     )

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.crown.leaf_picture import PLAIN_COVER, PLAIN_WIDTH, WIDEST
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.geometry.cubemap import sample_cubemap
 
@@ -22,7 +23,9 @@ _MIN_INSIDE = 0.5  # of the directions from there
 _DIRECTIONS = 24
 _FILL = 0.8  # of the distance between neighbouring places, radius of a cluster
 _INSIDE = 0.75  # of that radius, by which a cluster's middle is inside the crown
-_LEAF = 1.6  # of that radius, half of a leaf's length times the root of how many there are
+_LEAF = 1.6  # of that radius, half of the length of a plain leaf times the root of how many there are
+_LONGEST = 0.6  # of that radius, half of the length of any leaf
+_MORE = 4.0  # times as many leaves, where they are slim
 _AROUND = 48  # directions, of whose colours a cluster has the mean
 _SHADE = 0.35  # standard deviation of the logarithm of a leaf's brightness
 _OCCLUSION = 0.35  # of the light, that the deepest place below loses; as the shader of the mesh has it
@@ -35,14 +38,32 @@ class LeafyCrownSettings:
     clusters: int = 320
     leaves: int = 36  # of a cluster
     forms: int = 3  # of clusters
-    leaf_width: float = 0.62  # of its length
+    leaf_width: float = PLAIN_WIDTH  # of the picture of a leaf, over its height
+    leaf_cover: float = PLAIN_COVER  # of the picture's area, that shows leaf
     seed: int = 0
 
     def __post_init__(self) -> None:
         if not (8 <= self.clusters <= 100_000 and 1 <= self.leaves <= 1000 and 1 <= self.forms <= 64):
             raise ValueError("clusters must be 8 to 100,000, leaves 1 to 1,000, forms 1 to 64")
-        if not 0 < self.leaf_width <= 2:
-            raise ValueError(f"leaf_width must be above 0 and at most 2, not {self.leaf_width:g}")
+        if not 0 < self.leaf_width <= WIDEST:
+            raise ValueError(f"leaf_width must be above 0 and at most {WIDEST:g}, not {self.leaf_width:g}")
+        if not 0 < self.leaf_cover <= 1:
+            raise ValueError(f"leaf_cover must be above 0 and at most 1, not {self.leaf_cover:g}")
+
+    @property
+    def half_length(self) -> float:
+        """Of a leaf, in radii of its cluster, before leaves differ: leaves of any form cover the same area."""
+        return min(_LEAF * float(np.sqrt(self._slimness / self.leaf_count)), _LONGEST)
+
+    @property
+    def leaf_count(self) -> int:
+        """Leaves of a cluster: more where they are slim, since few long ones would stand out of it."""
+        return round(self.leaves * min(max(self._slimness, 1.0), _MORE))
+
+    @property
+    def _slimness(self) -> float:
+        """How many leaves have the area of one plain leaf of their length."""
+        return (PLAIN_WIDTH * PLAIN_COVER) / (self.leaf_width * self.leaf_cover)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -188,25 +209,25 @@ def _outwards(direction: Floats, roll: Floats) -> Floats:
 
 def _cluster(settings: LeafyCrownSettings, rng: np.random.Generator) -> LeafCluster:
     """Leaves around a middle, each in a plane that looks outwards and a little to a side."""
-    half = min(_LEAF / np.sqrt(settings.leaves), 0.6)
-    middle = spread_in_ball(settings.leaves, rng) * (1 - 0.5 * half)
-    tilt = rng.normal(0, 0.35, (settings.leaves, 2))
-    normal = np.column_stack([tilt, np.ones(settings.leaves)])
+    half, leaves = settings.half_length, settings.leaf_count
+    middle = spread_in_ball(leaves, rng) * (1 - 0.5 * half)
+    tilt = rng.normal(0, 0.35, (leaves, 2))
+    normal = np.column_stack([tilt, np.ones(leaves)])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    turn = rng.uniform(0, 2 * np.pi, settings.leaves)
-    along = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(settings.leaves)])
+    turn = rng.uniform(0, 2 * np.pi, leaves)
+    along = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(leaves)])
     along -= np.sum(along * normal, axis=1, keepdims=True) * normal
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     across = np.cross(along, normal)
-    size = half * rng.uniform(0.8, 1.2, settings.leaves)
+    size = half * rng.uniform(0.8, 1.2, leaves)
     square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     corner = (square[None] * [settings.leaf_width, 1.0] * size[:, None, None]).reshape(-1, 2)
-    of = np.repeat(np.arange(settings.leaves), 4)
+    of = np.repeat(np.arange(leaves), 4)
     return LeafCluster(
         points=middle[of] + corner[:, :1] * across[of] + corner[:, 1:] * along[of],
         middle=middle[of],
         corner=corner,
-        st=np.tile(0.5 + 0.5 * square, (settings.leaves, 1)),
+        st=np.tile(0.5 + 0.5 * square, (leaves, 1)),
         normals=normal[of],
-        shade=np.exp(_SHADE * rng.standard_normal(settings.leaves) - _SHADE**2 / 2)[of],
+        shade=np.exp(_SHADE * rng.standard_normal(leaves) - _SHADE**2 / 2)[of],
     )

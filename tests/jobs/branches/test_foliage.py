@@ -13,7 +13,8 @@ from usdfoliage.branch.foliage.species import load_species
 from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.cli.options.branches import read_branches_request
 from usdfoliage.cli.remarks import render_for
-from usdfoliage.jobs.branches.foliage import FoliageRequest, grow_leaves, read_fitted_leaves
+from usdfoliage.jobs.branches.foliage import FoliageRequest, grow_leaves
+from usdfoliage.jobs.fitted_leaves import read_fitted_leaves
 from usdfoliage.leaf.shape.edits import LeafEdits, apply_edits
 from usdfoliage.leaf.shape.measures import leaf_width
 
@@ -108,7 +109,7 @@ def test_fitted_leaves_are_drawn_with_their_shape_colour_and_length(tmp_path):
     known = replace(leaves, confidence=trusted, color=colors)
     source = write_spray(tmp_path / "fitted", known, LeafAppearance(), representations=("bezier",))
     request = FoliageRequest(kind="fitted", source=source.parent, species=STOUT)
-    fitted = read_fitted_leaves(request, tmp_path / "out")
+    fitted = read_fitted_leaves(source.parent, tmp_path / "out")
     grown = grow_leaves(small_tree(), request, fitted, seed=1)
     assert grown is not None
     made = grown.foliage.leaves
@@ -130,7 +131,7 @@ def test_fitted_leaves_are_drawn_with_their_shape_colour_and_length(tmp_path):
 def test_fitted_leaves_of_another_size_are_spoken_of(tmp_path):
     source = write_spray(tmp_path / "fitted", representations=("bezier",))  # leaves of 1 m and 0.5 m
     request = FoliageRequest(kind="fitted", source=source.parent, species=STOUT)
-    grown = grow_leaves(small_tree(), request, read_fitted_leaves(request, tmp_path / "out"), seed=1)
+    grown = grow_leaves(small_tree(), request, read_fitted_leaves(source.parent, tmp_path / "out"), seed=1)
     assert grown is not None
     assert any(
         "75 cm long, those of maple 9 cm: give --leaf-length" in each.sentence(render_for("branches"))

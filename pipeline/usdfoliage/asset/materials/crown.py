@@ -9,7 +9,6 @@ from usdfoliage.asset.materials.mtlx import ThinSheet, author_image, author_thin
 CROWN_SHADER = "usdFoliageCrown.glslfx"
 RELIEF_SHADER = "usdFoliageCrownRelief.glslfx"
 LEAVES_SHADER = "usdFoliageCrownLeaves.glslfx"
-LEAF_BRIGHTNESS = 1 / 0.8  # of the default picture of a leaf, to be 1 on average
 LEAF_ROUGHNESS = 0.8  # a crown scatters light; single leaves shine, their sum does not
 TRANSLUCENCY = 0.25  # light that shines through, as a part of what is scattered back
 MISSING_COLOR = (0.1, 0.2, 0.05)  # linear, where the map is missing
@@ -66,7 +65,8 @@ def author_relief_material(stage: Usd.Stage, path: Sdf.Path, crown: CrownMateria
 class CrownLeavesMaterial:
     """What the material of a crown's leaves needs to know; paths as seen from the layer's folder."""
 
-    leaf_map: str  # picture with alpha
+    leaf_map: str  # picture with alpha, sRGB
+    leaf_brightness: float = 1.0  # factor on its colours, which makes them 1 on average
     shader: str  # the glslfx source
     clusters: int
     radius_in_clusters: float  # of the crown, in that of its largest clusters
@@ -76,8 +76,8 @@ class CrownLeavesMaterial:
 def author_crown_leaves_material(stage: Usd.Stage, path: Sdf.Path, leaves: CrownLeavesMaterial) -> UsdShade.Material:
     """Define the material of a crown's leaves: they have the colours of their clusters, cut out by a picture."""
     material = UsdShade.Material.Define(stage, path)
-    texture = _author_preview_texture(stage, path.AppendChild("LeafMap"), leaves.leaf_map)
-    texture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*[LEAF_BRIGHTNESS] * 3, 1))
+    texture = _author_preview_texture(stage, path.AppendChild("LeafMap"), leaves.leaf_map, "sRGB")
+    texture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*[leaves.leaf_brightness] * 3, 1))
     texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
     texture.CreateOutput("rgba", Sdf.ValueTypeNames.Float4)
     texture.CreateOutput("a", Sdf.ValueTypeNames.Float)
@@ -107,7 +107,8 @@ def author_crown_leaves_material(stage: Usd.Stage, path: Sdf.Path, leaves: Crown
     return material
 
 
-def _author_preview_texture(stage: Usd.Stage, path: Sdf.Path, file: str) -> UsdShade.Shader:
+def _author_preview_texture(stage: Usd.Stage, path: Sdf.Path, file: str, color_space: str = "raw") -> UsdShade.Shader:
+    """A texture by the mesh's st; raw holds linear numbers, or no colours."""
     reader = UsdShade.Shader.Define(stage, path.GetParentPath().AppendChild("St"))
     reader.CreateIdAttr("UsdPrimvarReader_float2")
     reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
@@ -116,7 +117,7 @@ def _author_preview_texture(stage: Usd.Stage, path: Sdf.Path, file: str) -> UsdS
     texture = UsdShade.Shader.Define(stage, path)
     texture.CreateIdAttr("UsdUVTexture")
     texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(file))
-    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("raw")  # linear already, or no colour
+    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set(color_space)
     for wrap in ("wrapS", "wrapT"):
         texture.CreateInput(wrap, Sdf.ValueTypeNames.Token).Set("clamp")
     texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")

@@ -10,6 +10,7 @@ from usdfoliage.asset.packages.assembly import Origin, begin_asset, write_asset
 from usdfoliage.asset.parts.crown_part import write_crown_part
 from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAppearance, LeafAssetSettings, write_leaf_part
 from usdfoliage.asset.provenance import Provenance
+from usdfoliage.crown.leaf_picture import LeafPicture
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.geometry.crown_cage import MIN_SIZE
 from usdfoliage.leaf.model import Leaves
@@ -34,6 +35,7 @@ def write_crown_asset(
     crown: CrownModel,
     provenance: Provenance,
     settings: AssetSettings = AssetSettings(),
+    leaf: LeafPicture | None = None,
 ) -> Path:
     """Write an asset that has a crown and nothing else.
 
@@ -50,6 +52,7 @@ def write_crown_asset(
         crown: What to write.
         provenance: The run that made it.
         settings: How fine a mesh, and the asset's version.
+        leaf: Picture of a leaf, for its leaves; None for a plain one.
 
     Returns:
         The interface layer, folder/<name>.usda.
@@ -60,7 +63,7 @@ def write_crown_asset(
     """
     place = begin_asset(folder, name)
     origin = Origin(provenance=provenance, asset_from_capture=crown.asset_from_photo, version=settings.version)
-    return write_asset(place, [write_crown_part(place, crown, settings.crown_mesh_size)], origin)
+    return write_asset(place, [write_crown_part(place, crown, settings.crown_mesh_size, leaf)], origin)
 
 
 def write_leaf_asset(

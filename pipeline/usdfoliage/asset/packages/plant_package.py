@@ -40,6 +40,7 @@ from usdfoliage.asset.parts.part import AssetPlace, Box, Part, PartWriter
 from usdfoliage.asset.plant import COLLECTIONS, Plant, PurposeBoxes, box_around
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.variants import VariantSet
+from usdfoliage.crown.leaf_picture import LeafPicture
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.geometry.crown_cage import MIN_SIZE
 
@@ -76,6 +77,7 @@ def write_plant_asset(
     branches: PlantBranches | OtherParts | None = None,
     foliage: BranchLeaves | None = None,
     crown: CrownModel | None = None,
+    crown_leaf: LeafPicture | None = None,
     more: Sequence[PartWriter] = (),
     settings: PlantAssetSettings = PlantAssetSettings(),
     pictures: AssetPictures | DrawPictures | None = None,
@@ -92,6 +94,7 @@ def write_plant_asset(
             foliage.
         foliage: Leaves in the plant's frame.
         crown: In the plant's frame; takes the place of the one that branches may have.
+        crown_leaf: Picture of a leaf, for the leaves of that crown; None for a plain one.
         more: Parts of other kinds, each shown near, far or as a guide, as its Part states.
         settings: How it is written.
         pictures: Pictures of the plant, which are copied; or a function that draws them of the asset, or gives None
@@ -126,7 +129,7 @@ def write_plant_asset(
             copied = replace(copied, crown_m=None, bare_m=None)
         parts += [copy_near_part(copied, place, drawn), _bare_part(place, copied, crown), copy_far_part(copied, place)]
     if crown is not None:
-        parts.append(write_crown_part(place, crown, settings.crown_mesh_size))
+        parts.append(write_crown_part(place, crown, settings.crown_mesh_size, crown_leaf))
     parts += [write(place) for write in more]
     origin = Origin(provenance=provenance, asset_from_capture=asset_from_capture, version=settings.version)
     return _write_whole(place, parts, origin, settings, pictures)

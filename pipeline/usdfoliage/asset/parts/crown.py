@@ -16,7 +16,8 @@ from usdfoliage.asset.parts.crown_maps import color_map_path, leaf_map_path, rad
 from usdfoliage.asset.plant import CROWN
 from usdfoliage.asset.schema import CROWN_API
 from usdfoliage.asset.stored_numbers import stored_numbers
-from usdfoliage.crown.leafy_crown import LeafyCrown, build_leafy_crown
+from usdfoliage.crown.leaf_picture import LeafPicture
+from usdfoliage.crown.leafy_crown import LeafyCrown, LeafyCrownSettings, build_leafy_crown
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import AssetError
 from usdfoliage.geometry.crown_cage import build_crown_cage
@@ -45,13 +46,16 @@ class CrownPrim:
     mean_color: NDArray[np.float64]  # (3,), linear Rec.709; for applications that show no texture
 
 
-def crown_prim(name: str, crown: CrownModel, mesh_size: int | None) -> CrownPrim:
-    """What the layer payload/crown.usdc of the asset called name holds; a mesh_size of None is chosen."""
+def crown_prim(name: str, crown: CrownModel, mesh_size: int | None, leaf: LeafPicture) -> CrownPrim:
+    """What the layer payload/crown.usdc of the asset called name holds; a mesh_size of None is chosen.
+
+    The leaves of its clusters have the form of the picture of a leaf.
+    """
     size = choose_mesh_size(crown.radius_m) if mesh_size is None else mesh_size
     return CrownPrim(
         cage=build_crown_cage(crown.radius_m, crown.center_m, size),
         hull=fit_crown_hull(crown.radius_m, crown.center_m),
-        leafy=build_leafy_crown(crown),
+        leafy=build_leafy_crown(crown, LeafyCrownSettings(leaf_width=leaf.width, leaf_cover=leaf.cover)),
         radius_map=f"../{radius_map_path(name).as_posix()}",
         color_map=f"../{color_map_path(name).as_posix()}",
         leaf_map=f"../{leaf_map_path(name).as_posix()}",

@@ -1,37 +1,32 @@
-"""The picture of a leaf that the leaves of a crown are cut out by."""
+"""The picture of a leaf that the leaves of a crown are cut out by, as a file of an asset."""
 
 from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from usdfoliage.crown.leaf_picture import LeafPicture
 from usdfoliage.errors import AssetError
 from usdfoliage.files.atomic import whole_file
+from usdfoliage.geometry.color import encode_srgb
 
-LEAF_PX = 128  # along a side
+
+def brightness_of(leaf: LeafPicture) -> float:
+    """Factor on the numbers of the file: it holds no number above 1, and a leaf is brighter than its mean in places."""
+    return max(1.0, float(leaf.rgba[..., :3].max()))
 
 
-def write_leaf_picture(path: Path) -> None:
-    """Write a picture of a leaf in grey, its mean brightness 1, to be coloured; transparent beside the leaf.
+def write_leaf_picture(path: Path, leaf: LeafPicture) -> None:
+    """Write a PNG of sRGB numbers and opacity; what it holds times brightness_of is the leaf.
 
     Raises:
         AssetError: It cannot be encoded.
         WriteError: It cannot be written.
     """
-    good, encoded = cv2.imencode(".png", leaf_picture())
+    color = encode_srgb(leaf.rgba[..., :3] / np.float32(brightness_of(leaf)))
+    rgba = np.rint(255 * np.clip(np.dstack([color, leaf.rgba[..., 3]]), 0, 1)).astype(np.uint8)
+    good, encoded = cv2.imencode(".png", np.ascontiguousarray(rgba[..., [2, 1, 0, 3]]))
     if not good:
         raise AssetError(f"the picture {path.name} could not be encoded")
     with whole_file(path) as new:
         new.write_bytes(encoded.tobytes())
-
-
-def leaf_picture(size: int = LEAF_PX) -> NDArray[np.uint8]:
-    """(size, size, 4) a leaf with a midrib and veins; its base is below."""
-    across, down = np.meshgrid(np.linspace(-1, 1, size), np.linspace(1, 0, size))
-    half = 0.98 * np.sin(np.pi * np.clip(down, 0, 1)) ** 0.75 * (1.15 - 0.3 * down)
-    inside = np.abs(across) < np.minimum(half, 1.0)
-    veins = np.cos(2 * np.pi * 7 * (down - 0.35 * np.abs(across)))
-    shade = 0.8 + 0.05 * veins + 0.12 * np.exp(-((across / 0.05) ** 2)) - 0.08 * np.abs(across)
-    grey = np.rint(255 * np.clip(shade, 0, 1)).astype(np.uint8)
-    return np.dstack([grey, grey, grey, np.where(inside, 255, 0).astype(np.uint8)])

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from usdfoliage.asset.materials.cubemap_exr import write_color_cubemap, write_radius_cubemap
 from usdfoliage.asset.parts.crown_leaf_picture import write_leaf_picture
+from usdfoliage.crown.leaf_picture import LeafPicture
 from usdfoliage.crown.model import CrownModel
 
 
@@ -22,7 +23,7 @@ def leaf_map_path(name: str) -> Path:
     return Path("maps") / f"{name}_crown_leaf.png"
 
 
-def write_crown_maps(folder: Path, name: str, crown: CrownModel) -> None:
+def write_crown_maps(folder: Path, name: str, crown: CrownModel, leaf: LeafPicture) -> None:
     """Write the maps of the asset in folder.
 
     Raises:
@@ -39,4 +40,4 @@ def write_crown_maps(folder: Path, name: str, crown: CrownModel) -> None:
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
     write_radius_cubemap(folder / radius_map_path(name), crown.radius_m, facts)
     write_color_cubemap(folder / color_map_path(name), crown.color, facts)
-    write_leaf_picture(folder / leaf_map_path(name))
+    write_leaf_picture(folder / leaf_map_path(name), leaf)

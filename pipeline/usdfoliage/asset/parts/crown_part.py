@@ -22,16 +22,20 @@ from usdfoliage.asset.materials.layer import (
     copy_shaders,
 )
 from usdfoliage.asset.parts.crown import crown_prim, write_crown_layer
+from usdfoliage.asset.parts.crown_leaf_picture import brightness_of
 from usdfoliage.asset.parts.crown_maps import write_crown_maps
 from usdfoliage.asset.parts.part import SHADERS, AssetPlace, Part
 from usdfoliage.asset.plant import CROWN, TO_CROWN
+from usdfoliage.crown.leaf_picture import LeafPicture, plain_leaf
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.geometry.crown_cage import MIN_SIZE
 
 CROWN_LAYER = "crown.usdc"
 
 
-def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int | None) -> Part:
+def write_crown_part(
+    place: AssetPlace, crown: CrownModel, mesh_size: int | None, leaf: LeafPicture | None = None
+) -> Part:
     """Write a crown into the asset at place.
 
     Args:
@@ -39,6 +43,7 @@ def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int | None
         crown: In the plant's frame.
         mesh_size: Vertices of the cage along a cube edge, at most as many as the map has texels; None: as few as keep
             the silhouettes.
+        leaf: Picture of a leaf, which its leaves have where they are drawn; None for a plain one.
 
     Raises:
         ValueError: The crown is not what CrownModel promises.
@@ -46,8 +51,9 @@ def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int | None
     """
     # A cage finer than its map would show the map's texels.
     size = None if mesh_size is None else max(min(mesh_size, crown.radius_m.shape[1]), MIN_SIZE)
-    prim = crown_prim(place.name, crown, size)
-    write_crown_maps(place.folder, place.name, crown)
+    leaf = plain_leaf() if leaf is None else leaf
+    prim = crown_prim(place.name, crown, size, leaf)
+    write_crown_maps(place.folder, place.name, crown, leaf)
     copy_shaders(place.folder / "shaders", (CROWN_SHADER, RELIEF_SHADER, LEAVES_SHADER))
     write_crown_layer(place.payload / CROWN_LAYER, place.name, prim)
     material = CrownMaterial(
@@ -62,6 +68,7 @@ def write_crown_part(place: AssetPlace, crown: CrownModel, mesh_size: int | None
     )
     leaves = CrownLeavesMaterial(
         leaf_map=prim.leaf_map,
+        leaf_brightness=brightness_of(leaf),
         shader=f"{SHADERS}/{LEAVES_SHADER}",
         clusters=len(prim.leafy.place_m),
         radius_in_clusters=prim.radius_range_m[1] / float(prim.leafy.radius_m.max()),

@@ -13,20 +13,13 @@ from usdfoliage.asset.leaf_representations import (
     note_bezier_alone,
     read_settings,
 )
-from usdfoliage.asset.locate import require_leaves, select_representation
-from usdfoliage.asset.looks.look import open_asset
-from usdfoliage.asset.own_files import own_folders
-from usdfoliage.asset.packages.contents import interface_of, matrix_in_plant, read_leaf_appearance, require_plant
 from usdfoliage.asset.parts.leaf_part import BranchLeaves, LeafAppearance
-from usdfoliage.asset.parts.leaves import read_leaves
 from usdfoliage.branch.foliage.place import FoliageSettings, LeafPlaces, place_leaves
 from usdfoliage.branch.foliage.species import GENERIC, Species, describe_species, load_species
 from usdfoliage.branch.model import Skeleton
-from usdfoliage.errors import AssetError
+from usdfoliage.jobs.fitted_leaves import FittedLeaves
 from usdfoliage.jobs.report.table import Row
-from usdfoliage.leaf.change import bake_leaves, move_leaves, remaining_edits
 from usdfoliage.leaf.model import Leaves
-from usdfoliage.leaf.shape.edits import LeafEdits
 from usdfoliage.leaf.shape.fold import find_folds
 from usdfoliage.leaf.shape.jitter import spread_phases
 from usdfoliage.leaf.shape.measures import leaf_area, leaf_width
@@ -50,15 +43,6 @@ class FoliageRequest:
     settings: FoliageSettings = field(default_factory=FoliageSettings)
     representations: tuple[str, ...] | None = None  # None: as many as their number allows
     resolution: tuple[int, int] | None = None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FittedLeaves:
-    """Leaves of another asset, to be drawn from."""
-
-    leaves: Leaves
-    edits: LeafEdits  # what no parameter can carry
-    appearance: LeafAppearance
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,7 +89,7 @@ def grow_leaves(
     Args:
         skeleton: Of the plant.
         request: Which leaves.
-        fitted: Those to draw from, as read_fitted_leaves gives them; None: leaves of the species.
+        fitted: Those to draw from; None: leaves of the species.
         seed: Of the random choices.
 
     Raises:
@@ -136,38 +120,6 @@ def grow_leaves(
     check_memory(count, written)
     foliage = replace(foliage, settings=written)
     return GrownLeaves(foliage=foliage, places=places, remarks=tuple(remarks))
-
-
-def read_fitted_leaves(request: FoliageRequest, output: Path) -> FittedLeaves | None:
-    """The leaves that are drawn from, with their asset's edits in them, in its own metres; None where none are.
-
-    Args:
-        request: Which leaves.
-        output: The folder that will be replaced.
-
-    Raises:
-        AssetError: Their asset cannot be read, is not one plant, has no leaves, or lies in the output.
-    """
-    asset = request.source
-    if asset is None:
-        return None
-    interface, look = interface_of(asset)
-    if interface.resolve().is_relative_to(output.resolve()):
-        raise AssetError(
-            f"{output} holds the leaves that are read, {asset}, and would lose them", "name another folder"
-        )
-    stage = open_asset(asset)
-    plant = require_plant(stage, asset)
-    if "representation" in plant.GetVariantSets().GetNames():
-        select_representation(stage, "bezier")
-    prim = require_leaves(stage, asset)[0]
-    read = read_leaves(prim)
-    if not len(read.leaves):
-        raise AssetError(f"{asset} has leaves, but none is shown", "name an asset of leaves")
-    leaves = move_leaves(bake_leaves(read.leaves, read.edits), matrix_in_plant(prim, plant))
-    folders = own_folders(interface, None if look is None else look.path, prim)
-    appearance = read_leaf_appearance(prim, read.jitter_map, folders)
-    return FittedLeaves(leaves=leaves, edits=remaining_edits(read.edits), appearance=appearance)
 
 
 def describe_foliage(request: FoliageRequest) -> dict[str, str]:

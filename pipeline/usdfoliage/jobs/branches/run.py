@@ -28,11 +28,9 @@ from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.files.hashing import digest_file
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.jobs.branches.foliage import (
-    FittedLeaves,
     FoliageRequest,
     describe_foliage,
     grow_leaves,
-    read_fitted_leaves,
 )
 from usdfoliage.jobs.branches.known_stems import KnownStems
 from usdfoliage.jobs.branches.likeness import likeness_rows
@@ -42,6 +40,7 @@ from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_b
 from usdfoliage.jobs.branches.surfaces import build_surfaces, faces_of_cloud
 from usdfoliage.jobs.branches.tracing import FindStems, trace_cloud
 from usdfoliage.jobs.branches.warnings import check_motion, check_surface, check_variations
+from usdfoliage.jobs.fitted_leaves import FittedLeaves, read_fitted_leaves
 from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.report.table import Row, WrittenReport
 from usdfoliage.progress import StepProgress, follow_step
@@ -192,7 +191,7 @@ def make_branches_asset(request: BranchesRequest, progress: StepProgress | None 
     with publish_folder(
         request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
     ) as folder:
-        fitted = read_fitted_leaves(request.foliage, request.output)
+        fitted = _read_fitted(request)
         found = find_branches(request, fitted, seconds, progress)
         plant = found.plant
         request = replace(request, asset=found.bark)
@@ -319,6 +318,12 @@ class PlantModel:
     rows: tuple[Row, ...]
 
 
+def _read_fitted(request: BranchesRequest) -> FittedLeaves | None:
+    """The leaves that are drawn from; None where none are."""
+    source = request.foliage.source
+    return None if source is None else read_fitted_leaves(source, request.output)
+
+
 def _make_plant(
     request: BranchesRequest,
     traced: TracedBranches,
@@ -436,7 +441,7 @@ def plan_branches_asset(request: BranchesRequest) -> str:
     would = plan_folder(
         request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
     )
-    fitted = read_fitted_leaves(request.foliage, request.output)
+    fitted = _read_fitted(request)
     plant = read_plant_cloud(request.cloud)
     height_m = float(np.ptp(plant.points_m[:, 1]))
     lines = [

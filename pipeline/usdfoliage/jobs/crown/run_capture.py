@@ -16,6 +16,7 @@ from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.crown.captured_measures import CapturedCrownMeasures
 from usdfoliage.crown.leaf_colors import find_green_points, have_color
+from usdfoliage.crown.leaf_picture import LeafPicture
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.model_file import MadeCrown
 from usdfoliage.crown.reconstruct import (
@@ -32,6 +33,7 @@ from usdfoliage.jobs.crown.capture_input import CrownCapture, PlantPoints, read_
 from usdfoliage.jobs.crown.capture_report import DrawnCrown, captured_rows, draw_captured_crown, write_captured_report
 from usdfoliage.jobs.crown.photograph_report import CrownReport
 from usdfoliage.jobs.crown.written import WrittenCrown, describe_mesh_size
+from usdfoliage.jobs.leaf_picture import describe_leaf, read_leaf_picture
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest
 from usdfoliage.jobs.preview.pictures import remark_missing_pictures
 from usdfoliage.jobs.report.table import Row, WrittenReport
@@ -48,6 +50,7 @@ class CapturedCrownRequest:
     name: str
     settings: CapturedCrownSettings = field(default_factory=CapturedCrownSettings)
     asset_settings: AssetSettings = field(default_factory=AssetSettings)
+    leaf: Path | None = None  # picture of a leaf, or an asset of leaves; None for a plain leaf
     species: str = ""
     force: bool = False
     keep_old: bool = False  # what is replaced stays in a folder beside the new asset
@@ -121,6 +124,7 @@ def make_captured_crown_asset(request: CapturedCrownRequest, progress: StepProgr
     with publish_folder(
         request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
     ) as folder:
+        leaf = None if request.leaf is None else read_leaf_picture(request.leaf, request.output)
         found = find_captured_crown(request, progress)
         provenance = Provenance(
             species=request.species,
@@ -128,9 +132,9 @@ def make_captured_crown_asset(request: CapturedCrownRequest, progress: StepProgr
             generator=f"usdfoliage {__version__}",
             seed=request.settings.seed,
             settings=describe_settings(request),
-            input_sha256=_fingerprint(found.read),
+            input_sha256=_fingerprint(found.read, leaf),
         )
-        interface = write_crown_asset(folder, request.name, found.model, provenance, request.asset_settings)
+        interface = write_crown_asset(folder, request.name, found.model, provenance, request.asset_settings, leaf)
         report_folder = folder / "report"
         report_folder.mkdir(exist_ok=True)
         reported = report_crown(report_folder, request, found, interface if request.preview else None, progress)
@@ -232,6 +236,8 @@ def plan_captured_crown_asset(request: CapturedCrownRequest) -> str:
     would = plan_folder(
         request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
     )
+    if request.leaf is not None:
+        read_leaf_picture(request.leaf, request.output)
     read = read_crown_capture(request.cloud)
     views = () if read.capture is None else read.capture.views
     masks, depths = (sum(getattr(view, what) is not None for view in views) for what in ("mask", "depth"))
@@ -256,16 +262,20 @@ def describe_settings(request: CapturedCrownRequest) -> dict[str, str]:
         **cloud,
         "size": str(request.settings.size),
         "mesh-size": describe_mesh_size(request.asset_settings, request.settings.size),
+        **describe_leaf(request.leaf),
         "seed": str(request.settings.seed),
     }
 
 
-def _fingerprint(read: CrownCapture) -> str:
-    """Of the cloud, or of the points that were given, with their colours where these count, and of the photographs."""
-    return hash_each(_parts_of(read)).hex()
+def _fingerprint(read: CrownCapture, leaf: LeafPicture | None) -> str:
+    """Of the cloud, or of the points that were given, with their colours where these count, of the photographs, and of
+    the picture of a leaf."""
+    return hash_each(_parts_of(read, leaf)).hex()
 
 
-def _parts_of(read: CrownCapture) -> Iterator[bytes]:
+def _parts_of(read: CrownCapture, leaf: LeafPicture | None) -> Iterator[bytes]:
+    if leaf is not None:
+        yield leaf.rgba.tobytes()
     yield np.ascontiguousarray(read.plant.points_m).tobytes()
     yield np.ascontiguousarray(read.plant.asset_from_capture, np.float64).tobytes()
     if read.capture is None:

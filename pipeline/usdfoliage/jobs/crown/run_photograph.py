@@ -16,11 +16,13 @@ from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.capture.folder.images import Photo, read_photo
 from usdfoliage.capture.folder.masks import CleanMask, clean_mask, read_mask
 from usdfoliage.capture.mask_proposal.propose import propose_mask
+from usdfoliage.crown.leaf_picture import LeafPicture
 from usdfoliage.errors import AssetError, FoliageError, PreviewError
 from usdfoliage.files.hashing import hash_bytes, hash_file
 from usdfoliage.jobs.crown.photograph import STEPS, CrownSettings, reconstruct_crown
 from usdfoliage.jobs.crown.photograph_report import CrownReport, measure_rows, write_crown_report
 from usdfoliage.jobs.crown.written import WrittenCrown, describe_mesh_size
+from usdfoliage.jobs.leaf_picture import describe_leaf, read_leaf_picture
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
 from usdfoliage.jobs.report.table import ReportView
 from usdfoliage.progress import StepProgress, progress_in_step
@@ -48,6 +50,7 @@ class CrownRequest:
     tangent: str
     tangent_map: NDArray[np.float64] | None
     asset_settings: AssetSettings
+    leaf: Path | None = None  # picture of a leaf, or an asset of leaves; None for a plain leaf
     color_space: str | None = None
     species: str = ""
     force: bool = False
@@ -109,6 +112,7 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
     with publish_folder(
         request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
     ) as folder:
+        leaf = None if request.leaf is None else read_leaf_picture(request.leaf, request.output)
         given = read_crown_input(request)
         model, measures = reconstruct_crown(
             given.photo.linear, given.mask, request.settings, request.tangent_map, progress, given.foliage
@@ -119,9 +123,9 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
             generator=f"usdfoliage {__version__}",
             seed=request.settings.seed,
             settings=describe_settings(request),
-            input_sha256=_fingerprint(request),
+            input_sha256=_fingerprint(request, leaf),
         )
-        interface = write_crown_asset(folder, request.name, model, provenance, request.asset_settings)
+        interface = write_crown_asset(folder, request.name, model, provenance, request.asset_settings, leaf)
         remarks = list(given.remarks)
         if given.proposed:
             proposal = request.output / f"{request.name}_mask_proposal.png"
@@ -167,6 +171,8 @@ def plan_crown_asset(request: CrownRequest) -> str:
     would = plan_folder(
         request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
     )
+    if request.leaf is not None:
+        read_leaf_picture(request.leaf, request.output)
     given = read_crown_input(request)
     photo = given.photo
     rows, columns = np.nonzero(given.mask)
@@ -192,6 +198,7 @@ def describe_settings(request: CrownRequest) -> dict[str, str]:
         "pyramid": "laplacian" if settings.band_pass else "gaussian",
         "copies": str(settings.copies),
         "mesh-size": describe_mesh_size(request.asset_settings, settings.size),
+        **describe_leaf(request.leaf),
         "mask": request.mask.name if request.mask else "proposed",
         "color-space": request.color_space or "as the file states",
         "seed": str(settings.seed),
@@ -231,8 +238,10 @@ def _keep_mask(request: CrownRequest, folder: Path) -> None:
             shutil.copyfile(request.mask, kept)
 
 
-def _fingerprint(request: CrownRequest) -> str:
+def _fingerprint(request: CrownRequest, leaf: LeafPicture | None) -> str:
     given = [hash_file(path) for path in (request.photo, request.mask) if path is not None]
     if request.tangent_map is not None:
         given.append(request.tangent_map.tobytes())
+    if leaf is not None:
+        given.append(leaf.rgba.tobytes())
     return hash_bytes(*given).hex()

@@ -7,7 +7,7 @@ import pytest
 from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.model_file import TracedPlant
-from usdfoliage.jobs.branches.foliage import FittedLeaves
+from usdfoliage.jobs.fitted_leaves import FittedLeaves
 from usdfoliage.jobs.plant.settings import BuildSettings, FoliageSettings
 from usdfoliage.jobs.plant.stages.foliage import choose_foliage
 from usdfoliage.jobs.plant.stages.found_leaves import (

@@ -23,12 +23,14 @@ from usdfoliage.branch.motion.rig import RigSettings
 from usdfoliage.branch.motion.sway import SwaySettings
 from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.capture.cloud_files.ply import read_cloud
+from usdfoliage.crown.leaf_picture import LeafPicture
 from usdfoliage.errors import FitError, FoliageError, PreviewError, PreviewTimeoutError
 from usdfoliage.files.npz import write_arrays
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_near_leaves, rig_branches, rig_near_leaves
 from usdfoliage.jobs.branches.run import VARIATIONS, name_variation, variation_seed
 from usdfoliage.jobs.branches.warnings import check_motion
 from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
+from usdfoliage.jobs.leaf_picture import picture_of_leaves
 from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
 from usdfoliage.jobs.plant.call import StageCall
 from usdfoliage.jobs.plant.pages.cards import draw_asset_pictures
@@ -108,6 +110,8 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         )
         remarks.append(remark("crown-left-out", text))
 
+    crown_leaf, of_crown_leaf = average_crown_leaf(captured) if crown is not None else (None, [])
+    remarks += of_crown_leaf
     branches, of_motion = add_motion(branches, chosen.leaves, call.settings, "the plant")
     remarks += of_motion
     if call.settings.branches.variations and branches is None:
@@ -163,6 +167,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
             branches=branches,
             foliage=chosen.leaves,
             crown=crown,
+            crown_leaf=crown_leaf,
             settings=PlantAssetSettings(
                 crown_mesh_size=call.settings.crown.mesh_size,
                 version=call.settings.plant.version,
@@ -195,6 +200,18 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
     ]
     write_summary(call.out, StageSummary(rows=rows, remarks=remarks, poor=bool(undrawn)))
     return ()
+
+
+def average_crown_leaf(captured: CapturedLeaves | None) -> tuple[LeafPicture | None, list[Remark]]:
+    """The picture that the leaves of a crown have, of the average leaf that was found; None where photographs gave no
+    such picture, with a remark where it cannot be used."""
+    if captured is None or captured.fitted.appearance.texture is None:
+        return None, []
+    try:
+        return picture_of_leaves(captured.fitted), []
+    except FoliageError as error:
+        text = f"the crown's leaves are plain ones: {error.text}"
+        return None, [remark("crown-leaf-plain", text, remedy=error.remedy)]
 
 
 def add_motion(

@@ -12,7 +12,7 @@ from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.branch.model_file import BranchesModel, TracedPlant, read_branches_model, read_traced_plant
 from usdfoliage.crown.leaf_colors import find_green_points
 from usdfoliage.crown.model_file import MadeCrown, read_crown_model
-from usdfoliage.jobs.branches.foliage import FittedLeaves
+from usdfoliage.jobs.fitted_leaves import FittedLeaves
 from usdfoliage.leaf.model_file import LeavesModel, read_leaves_model
 from usdfoliage.leaf.shape.edits import NEUTRAL
 
