@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, Usd
+from pxr import Sdf
 from usdfoliage.asset.packages.contents import interface_of
 from usdfoliage.asset.packages.planted_assets import measure_planted_asset
 from usdfoliage.geometry.pinhole import Pinhole, look_at
@@ -93,9 +93,8 @@ def with_clusters(interface: Path, count: int, folder: Path) -> Path:
     """A layer over an asset that draws at most so many clusters of leaves."""
     layer = Sdf.Layer.CreateNew(str(folder / f"{interface.stem}_{count}.usda"))
     layer.subLayerPaths.append(str(interface.absolute()))
-    root = Usd.Stage.Open(str(interface), Usd.Stage.LoadNone).GetDefaultPrim()
-    layer.defaultPrim = root.GetName()
-    shader = Sdf.CreatePrimInLayer(layer, root.GetPath().AppendPath("mtl/CrownLeaves/StormSurface"))
+    layer.defaultPrim = Sdf.Layer.FindOrOpen(str(interface)).defaultPrim
+    shader = Sdf.CreatePrimInLayer(layer, f"/{layer.defaultPrim}/mtl/CrownLeaves/StormSurface")
     number = Sdf.AttributeSpec(shader, "inputs:mostClusters", Sdf.ValueTypeNames.Float)
     number.default = float(count)
     layer.Save()

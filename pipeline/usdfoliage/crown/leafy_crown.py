@@ -77,6 +77,11 @@ class LeafCluster:
     normals: Floats  # (4 L, 3), unit
     shade: Floats  # (4 L,) factor on the colour of the leaf of each corner
 
+    @property
+    def reach(self) -> float:
+        """How far from its middle it has leaves."""
+        return float(np.linalg.norm(self.points, axis=1).max())
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LeafyCrown:
@@ -93,7 +98,7 @@ class LeafyCrown:
     @property
     def extent_m(self) -> Floats:
         """(2, 3) around all leaves, in the crown's frame."""
-        reach = max(float(np.linalg.norm(form.points, axis=1).max()) for form in self.forms)
+        reach = max(form.reach for form in self.forms)
         reach_m = reach * self.radius_m[:, None]
         return np.stack([(self.place_m - reach_m).min(axis=0), (self.place_m + reach_m).max(axis=0)])
 
@@ -128,8 +133,13 @@ def build_leafy_crown(crown: CrownModel, settings: LeafyCrownSettings = LeafyCro
         color=color,
         form=np.arange(len(chosen)) % settings.forms,
         rank=np.arange(len(chosen)) / len(chosen),
-        forms=tuple(_cluster(settings, rng) for _ in range(settings.forms)),
+        forms=_clusters(settings, rng),
     )
+
+
+def build_leaf_clusters(settings: LeafyCrownSettings = LeafyCrownSettings()) -> tuple[LeafCluster, ...]:
+    """The forms of clusters alone, for crowns that have their places already."""
+    return _clusters(settings, np.random.default_rng(settings.seed))
 
 
 def _fitted_sizes(
@@ -205,6 +215,10 @@ def _outwards(direction: Floats, roll: Floats) -> Floats:
     w, x, y, _ = shortest.T
     c, s = np.cos(roll / 2), np.sin(roll / 2)
     return np.column_stack([w * c, x * c + y * s, y * c - x * s, w * s])
+
+
+def _clusters(settings: LeafyCrownSettings, rng: np.random.Generator) -> tuple[LeafCluster, ...]:
+    return tuple(_cluster(settings, rng) for _ in range(settings.forms))
 
 
 def _cluster(settings: LeafyCrownSettings, rng: np.random.Generator) -> LeafCluster:

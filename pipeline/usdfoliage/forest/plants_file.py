@@ -14,6 +14,7 @@ KEYS = (
     "species",
     "kind",
     "asset",
+    "leaf",
     "share",
     "height_m",
     "color",
@@ -40,6 +41,7 @@ class PlantRow:
     elevation_m: tuple[float, float] | None = None  # of the ground that it may stand on
     max_slope_deg: float | None = None  # likewise
     water_m: tuple[float, float] | None = None  # how far from water it may stand, from and to
+    leaf: Path | None = None  # picture of a leaf, or an asset of leaves, that its crown has; None for its own
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +102,9 @@ def _read_row(row: Mapping[str, Any], number: int, path: Path) -> PlantRow:
             raise CaptureError(f"{place} has no {key}", f'add {key} = "…"')
     if row["kind"] not in KINDS:
         raise CaptureError(f"{place} has the kind {row['kind']!r}", f"the kinds are {', '.join(KINDS)}")
+    leaf = row.get("leaf")
+    if leaf is not None and (not isinstance(leaf, str) or not leaf.strip()):
+        raise CaptureError(f"{place} has leaf that is no path", 'name a picture of one leaf: leaf = "oak_leaf.png"')
     share = _number(row, "share", place, 1.0)
     if not share >= 0:
         raise CaptureError(f"{place} has the share {share:g}", "a share is 0 or more")
@@ -132,6 +137,7 @@ def _read_row(row: Mapping[str, Any], number: int, path: Path) -> PlantRow:
         elevation_m=elevation_m,
         max_slope_deg=slope,
         water_m=water_m,
+        leaf=None if leaf is None else path.parent / leaf,
     )
 
 

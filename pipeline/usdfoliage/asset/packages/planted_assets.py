@@ -11,7 +11,8 @@ from pxr import Usd, UsdGeom
 
 from usdfoliage.asset.locate import find_interface, open_layer
 from usdfoliage.asset.look_layer import LOD
-from usdfoliage.asset.parts.crown import FORM
+from usdfoliage.asset.parts.crown import FORM, LEAVES
+from usdfoliage.asset.parts.crown_leaves import PlacedClusters, read_placed_clusters
 from usdfoliage.asset.plant import CROWN_HOLDER
 from usdfoliage.asset.schema import PLANT_API
 from usdfoliage.errors import AssetError
@@ -51,6 +52,7 @@ class PlantedAsset:
     full: PlantedForm | None = None  # as it is drawn near, where that is more
     only_crown: bool = False  # whether it has nothing but a crown, which stands on the ground
     crown_forms: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)  # (2, 3) of what is drawn by form
+    clusters: PlacedClusters | None = None  # of its crown in the form leaves, where that has some
 
 
 def measure_planted_asset(asset: Path) -> PlantedAsset:
@@ -86,6 +88,7 @@ def measure_planted_asset(asset: Path) -> PlantedAsset:
         raise AssetError(f"{layer} draws nothing: it has no extent", "name an asset with geometry")
     if not forms[0].height_m > 0:
         raise AssetError(f"{layer} lies under its origin", "move it, so that its foot is at the origin")
+    drawn_forms = _crown_forms(root, forms[0].selections, unit, is_z_up)
     return PlantedAsset(
         layer=layer,
         is_ours=root.HasAPI(PLANT_API),
@@ -94,7 +97,8 @@ def measure_planted_asset(asset: Path) -> PlantedAsset:
         crown=forms[0],
         full=forms[1] if len(forms) > 1 and crown is not None else None,
         only_crown=root.HasAPI(PLANT_API) and lods == ["crown"],
-        crown_forms=_crown_forms(root, forms[0].selections, unit, is_z_up),
+        crown_forms=drawn_forms,
+        clusters=_clusters(root, forms[0].selections) if LEAVES in drawn_forms else None,
     )
 
 
@@ -110,6 +114,11 @@ def _crown_forms(
         if extent_m is not None:
             drawn[str(form)] = extent_m
     return drawn
+
+
+def _clusters(root: Usd.Prim, selections: Mapping[str, str]) -> PlacedClusters | None:
+    _select(root, selections, LEAVES)
+    return read_placed_clusters(root.GetPrimAtPath(CROWN_HOLDER))
 
 
 def _select(root: Usd.Prim, selections: Mapping[str, str], crown_form: str = "") -> None:

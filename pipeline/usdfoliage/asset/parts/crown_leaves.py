@@ -1,15 +1,22 @@
 """The leaves of a crown in USD: a PointInstancer of clusters."""
 
+from dataclasses import dataclass
+
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, Vt
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from usdfoliage.asset.layer import bind_material
 from usdfoliage.asset.materials.layer import CROWN_LEAVES_MATERIAL
 from usdfoliage.asset.parts.instancers import author_turns
+from usdfoliage.asset.plant import CROWN_HOLDER
+from usdfoliage.asset.stored_numbers import stored_numbers
 from usdfoliage.crown.leafy_crown import LeafCluster, LeafyCrown
 
 CROWN_LEAVES = "CrownLeaves"  # beside the crown
-LARGER = 3.0  # times as large as they are, that clusters are drawn at most
+CLUSTERS = "Prototypes"  # below them, the forms of clusters
+LARGER = 3.0  # times as large as they are, that leaves are drawn at most
+APART = 0.35  # power of that, by which they are farther from the middle of their cluster, as the shader has it
 
 
 def author_crown_leaves(stage: Usd.Stage, holder: Sdf.Path, name: str, leafy: LeafyCrown) -> None:
@@ -23,11 +30,11 @@ def author_crown_leaves(stage: Usd.Stage, holder: Sdf.Path, name: str, leafy: Le
     """
     instancer = UsdGeom.PointInstancer.Define(stage, holder.AppendChild(CROWN_LEAVES))
     path = instancer.GetPath()
-    forms = path.AppendChild("Prototypes")
+    forms = path.AppendChild(CLUSTERS)
     UsdGeom.Scope.Define(stage, forms)
     targets = []
     for number, cluster in enumerate(leafy.forms):
-        targets.append(forms.AppendChild(f"Cluster_{number + 1}"))
+        targets.append(forms.AppendChild(_cluster_name(number)))
         _author_cluster(stage, targets[-1], cluster)
         bind_material(stage, targets[-1], Sdf.Path(f"/{name}/{CROWN_LEAVES_MATERIAL}"))
     instancer.CreatePrototypesRel().SetTargets(targets)
@@ -45,6 +52,69 @@ def author_crown_leaves(stage: Usd.Stage, holder: Sdf.Path, name: str, leafy: Le
     rank.Set(Vt.Vec2fArray.FromNumpy(ranks.astype(np.float32)))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlacedClusters:
+    """What another layer must know of a crown's clusters to give them other leaves; lengths in the asset's unit."""
+
+    forms: int
+    reach: float  # of leaves from the middle of a cluster, in its radii
+    radius: float  # of the largest cluster
+    extent: NDArray[np.float64]  # (2, 3) around all
+
+
+def read_placed_clusters(holder: Usd.Prim) -> PlacedClusters | None:
+    """The clusters below the scope that a crown is in; None where its selected form has none, or none as we write them.
+
+    Args:
+        holder: The scope.
+    """
+    instancer = UsdGeom.PointInstancer(holder.GetChild(CROWN_LEAVES)) if holder.GetChild(CROWN_LEAVES) else None
+    if not instancer:
+        return None
+    named = [target.name for target in instancer.GetPrototypesRel().GetTargets()]
+    if not named or named != [_cluster_name(number) for number in range(len(named))]:
+        return None
+    meshes = [UsdGeom.Mesh(instancer.GetPrim().GetPrimAtPath(f"{CLUSTERS}/{name}")) for name in named]
+    points = [stored_numbers(mesh.GetPointsAttr().Get(), (None, 3)) if mesh else None for mesh in meshes]
+    scales = stored_numbers(instancer.GetScalesAttr().Get(), (None, 3))
+    extent = stored_numbers(instancer.GetExtentAttr().Get(), (2, 3))
+    if scales is None or extent is None or not len(scales):
+        return None
+    reaches = [0.0 if each is None or not len(each) else float(np.linalg.norm(each, axis=1).max()) for each in points]
+    return PlacedClusters(forms=len(named), reach=max(reaches), radius=float(np.abs(scales).max()), extent=extent)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OtherLeaves:
+    """Leaves that the crown of an asset has in another layer."""
+
+    leaf_map: str  # picture of a leaf, as seen from that layer's folder
+    brightness: float  # factor on its colours
+    clusters: tuple[LeafCluster, ...]  # as many forms as the asset has
+    extent: NDArray[np.float64]  # (2, 3) around all clusters, in the asset's unit
+
+
+def author_other_leaves(stage: Usd.Stage, plant: Sdf.Path, other: OtherLeaves) -> None:
+    """Give the crown of an asset at plant other leaves, by opinions over its own."""
+    instancer = plant.AppendPath(CROWN_HOLDER).AppendChild(CROWN_LEAVES)
+    over = UsdGeom.PointInstancer(stage.OverridePrim(instancer))
+    over.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(other.extent.astype(np.float32)))
+    for number, cluster in enumerate(other.clusters):
+        _author_cluster(stage, instancer.AppendPath(f"{CLUSTERS}/{_cluster_name(number)}"), cluster)
+    texture = stage.OverridePrim(plant.AppendPath(f"{CROWN_LEAVES_MATERIAL}/LeafMap"))
+    types = Sdf.ValueTypeNames
+    for name, kind, value in (
+        ("file", types.Asset, Sdf.AssetPath(other.leaf_map)),
+        ("scale", types.Float4, Gf.Vec4f(*[other.brightness] * 3, 1)),
+        ("sourceColorSpace", types.Token, "sRGB"),
+    ):
+        texture.CreateAttribute(f"inputs:{name}", kind, custom=False).Set(value)
+
+
+def _cluster_name(number: int) -> str:
+    return f"Cluster_{number + 1}"
+
+
 def _author_cluster(stage: Usd.Stage, path: Sdf.Path, cluster: LeafCluster) -> None:
     mesh = UsdGeom.Mesh.Define(stage, path)
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(cluster.points.astype(np.float32)))
@@ -56,7 +126,8 @@ def _author_cluster(stage: Usd.Stage, path: Sdf.Path, cluster: LeafCluster) -> N
     mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(cluster.normals.astype(np.float32)))
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     # As they are displaced: larger where few are drawn, and turned to the camera.
-    reach = float(np.linalg.norm(cluster.middle, axis=1).max() + LARGER * np.linalg.norm(cluster.corner, axis=1).max())
+    apart = LARGER**APART * np.linalg.norm(cluster.middle, axis=1).max()
+    reach = float(apart + LARGER * np.linalg.norm(cluster.corner, axis=1).max())
     mesh.CreateExtentAttr(Vt.Vec3fArray([(-reach, -reach, -reach), (reach, reach, reach)]))
     primvars = UsdGeom.PrimvarsAPI(mesh)
     leaf = np.repeat(np.arange(count), 4)

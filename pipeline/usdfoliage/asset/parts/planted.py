@@ -13,6 +13,7 @@ from usdfoliage.asset.layer import NO_TIMES, author_times, bind_material, export
 from usdfoliage.asset.materials.bark import BARK_COLOR
 from usdfoliage.asset.materials.layer import BARK_MATERIAL
 from usdfoliage.asset.parts.crown import FORM
+from usdfoliage.asset.parts.crown_leaves import OtherLeaves, author_other_leaves
 from usdfoliage.asset.parts.instancers import author_turns
 from usdfoliage.asset.plant import CROWN_HOLDER
 from usdfoliage.asset.schema import FOREST_API
@@ -40,6 +41,7 @@ class ForestPrototype:
     raised_m: float = 0.0  # by which its crown stands on a trunk
     trunk_m: tuple[float, float] | None = None  # height and radius of that trunk
     extent_m: NDArray[np.float64]  # (2, 3), with the trunk
+    leaves: OtherLeaves | None = None  # of its crown, where these are not its own
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -206,6 +208,8 @@ def _author_prototype(stage: Usd.Stage, holder: Sdf.Path, prototype: ForestProto
         holder = stage.OverridePrim(plant.GetPath().AppendPath(CROWN_HOLDER))
         holder_spec = stage.GetEditTarget().GetLayer().GetPrimAtPath(holder.GetPath())
         holder_spec.variantSelections[FORM] = prototype.crown_form
+    if prototype.leaves is not None:
+        author_other_leaves(stage, plant.GetPath(), prototype.leaves)
     if prototype.trunk_m is not None:
         _author_trunk(stage, path.AppendChild("Trunk"), prototype.trunk_m, name)
     return path

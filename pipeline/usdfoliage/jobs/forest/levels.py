@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.asset.packages.planted_assets import PlantedAsset, PlantedForm, measure_planted_asset, reference_path
 from usdfoliage.asset.parts import crown as crown_part
+from usdfoliage.asset.parts.crown_leaves import OtherLeaves
 from usdfoliage.asset.parts.planted import ForestPrototype, PlantedLevel
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.errors import AssetError, CaptureError
@@ -62,6 +63,7 @@ def make_level(
     asset_from_ground: NDArray[np.float64],
     seed: int,
     lod_distance_m: tuple[float, float],
+    leaves: Sequence[OtherLeaves | None] = (),
 ) -> PlantedLevel:
     """All plants in the form of one level.
 
@@ -74,13 +76,15 @@ def make_level(
         asset_from_ground: (4, 4), column vectors, from easting, northing and height in metres.
         seed: Of the planting.
         lod_distance_m: Between which forms change.
+        leaves: Of the crown of each row, where these are not its own; none by default.
     """
     prototypes, sizes = [], []
     for number, (row, asset) in enumerate(zip(plants.rows, assets, strict=True)):
         form = asset.full if name == FULL and asset.full is not None else asset.crown
         crown_form = _FORMS[name]
         crown_form = crown_form if crown_form in asset.crown_forms and form is asset.crown else ""
-        prototype, height_m, radius_m = _prototype(number, row, asset, form, crown_form, payload)
+        other = leaves[number] if leaves and crown_form == crown_part.LEAVES else None
+        prototype, height_m, radius_m = _prototype(number, row, asset, form, crown_form, payload, other)
         prototypes.append(prototype)
         sizes.append((height_m, radius_m))
     size_m = np.array(sizes).reshape(-1, 2)
@@ -132,11 +136,20 @@ def turn_and_lean(turn_deg: NDArray[np.float64], lean_deg: NDArray[np.float64]) 
 
 
 def _prototype(
-    number: int, row: PlantRow, asset: PlantedAsset, form: PlantedForm, crown_form: str, payload: Path
+    number: int,
+    row: PlantRow,
+    asset: PlantedAsset,
+    form: PlantedForm,
+    crown_form: str,
+    payload: Path,
+    leaves: OtherLeaves | None,
 ) -> tuple[ForestPrototype, float, float]:
     """A prototype, with the height and the crown's radius that it has."""
     low, high = form.extent_m
     drawn_m = asset.crown_forms.get(crown_form, form.extent_m)
+    if leaves is not None and asset.clusters is not None:
+        wider_m = asset.meters_per_unit * float((leaves.extent - asset.clusters.extent)[1].max())
+        drawn_m = drawn_m + np.array([[-wider_m], [wider_m]])
     raised_m, trunk_m = 0.0, None
     extent_m = drawn_m
     height_m = form.height_m
@@ -161,6 +174,7 @@ def _prototype(
         raised_m=raised_m,
         trunk_m=trunk_m,
         extent_m=extent_m,
+        leaves=leaves,
     )
     return prototype, height_m, form.radius_m
 

@@ -12,12 +12,12 @@ from usdfoliage.asset.asset_record import AssetOrigin
 from usdfoliage.asset.materials.grass import GRASS_SHADER, GrassMaterial
 from usdfoliage.asset.packages.forest_package import ForestParts, ForestTile, tile_folder, write_forest_asset
 from usdfoliage.asset.packages.planted_assets import PlantedAsset
-from usdfoliage.asset.parts.part import SHADERS
+from usdfoliage.asset.parts.part import MAPS, SHADERS
 from usdfoliage.asset.parts.terrain import TerrainPrim
 from usdfoliage.asset.provenance import Provenance, combined_sha256
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.errors import CaptureError
-from usdfoliage.files.hashing import hash_file
+from usdfoliage.files.hashing import hash_bytes, hash_file
 from usdfoliage.forest.ground_files import is_ground_file
 from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.planting import Planting, PlantingSettings, plant_forest
@@ -28,6 +28,7 @@ from usdfoliage.forest.tiles import MIN_QUADS, TileGrid, tile_ground
 from usdfoliage.jobs.forest.grass import GrassRequest, ShotGrass, grass_rows, grow_grass
 from usdfoliage.jobs.forest.ground import write_ground_maps
 from usdfoliage.jobs.forest.inputs import ForestFiles, ReadForest, describe_files, read_forest
+from usdfoliage.jobs.forest.leaves import RowLeaf, read_row_leaves, write_row_leaves
 from usdfoliage.jobs.forest.levels import count_rows, levels_of, make_level, measure_plants
 from usdfoliage.jobs.forest.report import ForestReport, draw_forest, draw_shots, write_forest_report
 from usdfoliage.jobs.forest.shots import (
@@ -111,6 +112,7 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
             cameras = read_cameras(request.shots)
         with follow_step("plants", seconds, progress):
             assets = measure_plants(read.planted.plants, request.output)
+            row_leaves = read_row_leaves(read.planted.plants, assets, request.output)
         with follow_step("planting", seconds, progress):
             planting = plant_forest(read.planted, request.planting)
         remarks = [*read.remarks, *remark_units(request.shots.files, cameras), *describe_planting(planting)]
@@ -124,6 +126,8 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
             terrain = TerrainPrim(points_m=points[:, :3], faces=mesh.faces, st=mesh.st)
             grid = _tiles_of(request, mesh)
             layers = tile_folder(request.output.absolute() / "payload", "" if grid is None else grid.name(0))
+            maps = MAPS if grid is None else f"../../{MAPS}"
+            leaves = write_row_leaves(folder, request.name, row_leaves, maps)
             levels = [
                 make_level(
                     name,
@@ -134,6 +138,7 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
                     asset_from_ground,
                     request.planting.seed,
                     request.lod_distance_m,
+                    leaves,
                 )
                 for name in levels_of(assets)
             ]
@@ -181,7 +186,7 @@ def make_forest_asset(request: ForestRequest, progress: StepProgress | None = No
                     asset_from_terrain=asset_from_ground
                     @ np.diag([read.metres_per_unit, read.metres_per_unit, read.metres_per_height, 1.0]),
                 ),
-                _provenance(request, assets),
+                _provenance(request, assets, row_leaves),
                 _progress_of_tiles(progress),
             )
         report_folder = folder / "report"
@@ -226,7 +231,9 @@ def plan_forest_asset(request: ForestRequest) -> str:
     )
     read = read_forest(request.files)
     cameras = read_cameras(request.shots)
-    levels = levels_of(measure_plants(read.planted.plants, request.output))
+    assets = measure_plants(read.planted.plants, request.output)
+    read_row_leaves(read.planted.plants, assets, request.output)
+    levels = levels_of(assets)
     if cameras:
         choose_levels(request.shots, levels)
     grid = None
@@ -396,13 +403,16 @@ def _progress_of_tiles(progress: StepProgress | None) -> Progress | None:
     return None if progress is None else lambda done, count: progress("asset", done / count)
 
 
-def _provenance(request: ForestRequest, assets: Sequence[PlantedAsset]) -> Provenance:
+def _provenance(request: ForestRequest, assets: Sequence[PlantedAsset], leaves: Sequence[RowLeaf | None]) -> Provenance:
     inputs = {f"{role}/{path.name}": hash_file(path).hex() for role, path in request.files.by_role.items()}
     inputs |= {
         f"camera_{number + 1}/{file.name}": hash_file(file).hex() for number, file in enumerate(request.shots.files)
     }
     for number, asset in enumerate(assets):
         inputs[f"plant_{number + 1}/{asset.layer.name}"] = hash_file(asset.layer).hex()
+    for number, leaf in enumerate(leaves):
+        if leaf is not None:
+            inputs[f"plant_{number + 1}/leaf"] = hash_bytes(leaf.picture.rgba.tobytes()).hex()
     return Provenance(
         capture=request.files.dem.name,
         generator=f"usdfoliage {__version__}",
