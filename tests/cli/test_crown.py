@@ -1,6 +1,7 @@
 """The main job from the command line: good input, bad input, and what is left on disk."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -19,6 +20,7 @@ from usdfoliage.geometry.color import encode_srgb
 
 from tests.support.commands.json_output import read_output
 from tests.support.crown_shapes import disc_mask, foliage
+from tests.support.leaf_pictures import drawn_leaf, write_leaf
 
 SMALL = ("--size", "32", "--mesh-size", "17", "--no-preview")
 
@@ -138,6 +140,27 @@ def test_notes_on_the_mask_are_printed(capture, tmp_path, capsys):
     assert "touches the image border (left)" in printed
 
 
+def test_a_picture_of_a_leaf_is_that_of_the_crowns_leaves(capture, tmp_path, capsys):
+    leaf = write_leaf(tmp_path / "oak_leaf.png", drawn_leaf(30, 100))
+    out = tmp_path / "oak"
+    words = [str(capture / "oak.png"), "--mask", str(capture / "mask.png"), *SMALL, "--reproducible"]
+    assert main(["crown", *words, "-o", str(out), "--leaf", str(leaf)]) == 0
+    written = cv2.imread(str(out / "maps" / "oak_crown_leaf.png"), cv2.IMREAD_UNCHANGED)
+    assert written.shape[1] / written.shape[0] == pytest.approx(0.3, abs=0.05)
+    red, green = written[-20, written.shape[1] // 2, 2], written[20, written.shape[1] // 2, 1]
+    assert red > written[20, written.shape[1] // 2, 2]  # the base is below
+    assert green > written[-20, written.shape[1] // 2, 1]
+    assert "oak_leaf.png" in (out / "report" / "index.html").read_text()
+    assert main(["crown", *words, "-o", str(tmp_path / "plain" / "oak")]) == 0
+    texts = [(folder / "oak.usda").read_text() for folder in (out, tmp_path / "plain" / "oak")]
+    digests = [re.search(r"[0-9a-f]{64}", text) for text in texts]
+    assert digests[0] is not None
+    assert digests[1] is not None
+    assert digests[0].group() != digests[1].group()
+    assert main(["crown", *words, "-o", str(tmp_path / "dry"), "--leaf", str(leaf), "--dry-run"]) == 0
+    assert "leaf oak_leaf.png" in capsys.readouterr().out
+
+
 class TestBadInput:
     """Exit 2, one line that names the file, and nothing written."""
 
@@ -162,6 +185,12 @@ class TestBadInput:
         whole = (capture / "oak.png").read_bytes()
         path.write_bytes(whole[: len(whole) // 2])
         assert "half.png" in self.refuse(capture, tmp_path, capsys, photo=path)
+
+    @pytest.mark.parametrize("options", [(), ("--dry-run",)])
+    def test_a_leaf_that_is_none(self, capture, tmp_path, capsys, options):
+        clear = write_leaf(tmp_path / "clear.png", drawn_leaf() * [1, 1, 1, 0])
+        for leaf in (clear, capture / "oak.png", tmp_path / "absent.png"):
+            assert leaf.name in self.refuse(capture, tmp_path, capsys, options=("--leaf", leaf, *options))
 
     def test_one_pixel(self, capture, tmp_path, capsys):
         path = tmp_path / "dot.png"

@@ -7,7 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
-from usdfoliage.crown.leafy_crown import LeafyCrownSettings, build_leafy_crown, spread_in_ball, spread_on_ball
+from usdfoliage.crown.leafy_crown import (
+    LeafyCrownSettings,
+    build_leaf_clusters,
+    build_leafy_crown,
+    spread_in_ball,
+    spread_on_ball,
+)
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.geometry.cubemap import face_directions, sample_cubemap
 
@@ -98,6 +104,27 @@ def test_leaves_of_a_cluster_are_quads_with_a_middle_and_a_normal():
     assert (cluster.normals[:, 2] > 0).all()
 
 
+@pytest.mark.parametrize(("width", "cover"), [(0.62, 0.667), (0.28, 0.65), (1.15, 0.77), (0.1, 0.5), (0.02, 0.7)])
+def test_leaves_of_any_form_cover_the_same_area_with_no_leaf_far_out(width, cover):
+    plain, other = LeafyCrownSettings(), LeafyCrownSettings(leaf_width=width, leaf_cover=cover)
+    cluster = build_leaf_clusters(other)[0]
+    corner = cluster.corner.reshape(-1, 4, 2)
+    np.testing.assert_allclose(np.abs(corner[..., 0] / corner[..., 1]), width)
+    area = other.leaf_count * width * cover * other.half_length**2
+    same = plain.leaf_count * plain.leaf_width * plain.leaf_cover * plain.half_length**2
+    if width > 0.05:  # a needle is as long as a leaf may be, and there are no more of them
+        assert area == pytest.approx(same, rel=0.02)
+    assert cluster.reach < build_leaf_clusters(plain)[0].reach + 0.45
+    assert len(cluster.points) == 4 * other.leaf_count <= 16 * plain.leaf_count
+
+
+def test_clusters_alone_are_of_the_seed_and_as_many_as_asked_for():
+    one, again = (build_leaf_clusters(LeafyCrownSettings(forms=5, seed=3)) for _ in range(2))
+    assert len(one) == 5
+    for each, other in zip(one, again, strict=True):
+        np.testing.assert_array_equal(each.points, other.points)
+
+
 def test_places_are_in_the_ball_and_of_the_seed():
     one, again = (spread_in_ball(50, np.random.default_rng(4)) for _ in range(2))
     np.testing.assert_array_equal(one, again)
@@ -106,7 +133,9 @@ def test_places_are_in_the_ball_and_of_the_seed():
     assert apart.min() > 0.6 * (4 * np.pi / 3 / 50) ** (1 / 3)
 
 
-@pytest.mark.parametrize("wrong", [{"clusters": 2}, {"leaves": 0}, {"forms": 0}, {"leaf_width": float("nan")}])
+@pytest.mark.parametrize(
+    "wrong", [{"clusters": 2}, {"leaves": 0}, {"forms": 0}, {"leaf_width": float("nan")}, {"leaf_cover": 0.0}]
+)
 def test_settings_that_cannot_be_are_refused(wrong):
     with pytest.raises(ValueError, match="must be"):
         LeafyCrownSettings(**wrong)

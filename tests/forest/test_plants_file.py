@@ -41,6 +41,8 @@ def test_rows_have_shares_of_their_kind_and_assets_beside_the_file(tmp_path):
         (ROW + "form = 99\n", "form"),
         (ROW + "max_slope_deg = 120\n", "slope"),
         (ROW + "water_m = [0, 5]\n", "no class is water"),
+        (ROW + "leaf = 5\n", "leaf that is no path"),
+        (ROW + "leaf = ' '\n", "leaf that is no path"),
         (ROW + "water_m = [9, 5]\n[classes]\n9 = 'water'\n", "nearer first"),
         (ROW + "elevation_m = [9, 1]\n", "elevation_m"),
         (ROW + "[classes]\nx = 'tree'\n", "[classes]"),

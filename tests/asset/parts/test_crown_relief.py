@@ -9,9 +9,13 @@ from usdfoliage.asset.materials.crown import RELIEF_SHADER
 from usdfoliage.asset.materials.layer import copy_shaders, inline_sections
 from usdfoliage.asset.packages.leaf_package import write_crown_asset
 from usdfoliage.asset.provenance import Provenance
+from usdfoliage.capture.folder.images import read_photo
+from usdfoliage.crown.leaf_picture import clean_leaf_picture
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.geometry.cubemap import face_directions, share_borders
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views, finish_picture
+
+from tests.support.leaf_pictures import drawn_leaf
 
 PLAIN = Provenance(capture="crown.jpg", generator="test", seed=0, input_sha256="0")
 
@@ -108,10 +112,39 @@ def test_leaves_are_clusters_beside_a_crown_that_is_not_drawn(crown):
     assert (np.array(box.GetMax()) <= hint[1] + 1e-3).all()
 
 
+@pytest.fixture(scope="module")
+def leafy(crown, tmp_path_factory):
+    """The crown with a plain leaf, a slim one and a wide one, by name."""
+    assets = {"plain": crown}
+    for name, width_px in (("slim", 25), ("wide", 110)):
+        folder = tmp_path_factory.mktemp(name) / "oak"
+        folder.mkdir()
+        leaf = clean_leaf_picture(drawn_leaf(width_px, 100))
+        assets[name] = write_crown_asset(folder, "oak", bumpy_crown(), PLAIN, leaf=leaf)
+    return assets
+
+
+@pytest.mark.parametrize(("name", "leaves"), [("plain", 36), ("slim", 76), ("wide", 36)])
+def test_the_picture_of_a_leaf_is_in_the_maps_and_gives_leaves_their_form(leafy, name, leaves):
+    stage = Usd.Stage.Open(str(leafy[name]))
+    stage.GetPrimAtPath("/oak/geo/proxy").GetVariantSets().GetVariantSet("crown").SetVariantSelection("leaves")
+    cluster = UsdGeom.Mesh(stage.GetPrimAtPath("/oak/geo/proxy/CrownLeaves/Prototypes/Cluster_1"))
+    assert len(cluster.GetFaceVertexCountsAttr().Get()) == pytest.approx(leaves, abs=2)
+    texture = stage.GetPrimAtPath("/oak/mtl/CrownLeaves/LeafMap")
+    scale = np.array(texture.GetAttribute("inputs:scale").Get())
+    assert texture.GetAttribute("inputs:sourceColorSpace").Get() == "sRGB"
+    written = read_photo(Path(texture.GetAttribute("inputs:file").Get().resolvedPath))
+    assert written.alpha is not None
+    np.testing.assert_allclose((written.linear * scale[:3])[written.alpha >= 0.5].mean(axis=0), 1, atol=0.01)
+    named = stage.GetPrimAtPath("/oak/geo/proxy/Crown").GetAttribute("foliage:crown:leafTexture").Get()
+    assert Path(named.resolvedPath) == written.path
+
+
 @pytest.mark.preview
-@pytest.mark.parametrize(("clusters", "iou"), [(320, 0.88), (32, 0.78)])
-def test_leaves_have_the_silhouette_of_the_mesh(crown, tmp_path, clusters, iou):
-    scene = tmp_path / "few.usda"
+@pytest.mark.parametrize("name", ["plain", "slim", "wide"])
+@pytest.mark.parametrize(("clusters", "iou"), [(320, 0.9), (32, 0.8)])
+def test_leaves_have_the_silhouette_and_the_colors_of_the_mesh(leafy, name, tmp_path, clusters, iou):
+    crown, scene = leafy[name], tmp_path / "few.usda"
     scene.write_text(
         f"""#usda 1.0
 (
@@ -145,8 +178,28 @@ over "oak"
         for form in ("mesh", "leaves")
     ]
     drawn = draw_views(scene, views, PreviewSettings(width_px=400, height_px=400, background=None))
-    mesh, leaves = (finish_picture(each, None)[..., 3] > 127 for each in drawn)
+    pictures = [finish_picture(each, None) for each in drawn]
+    mesh, leaves = (picture[..., 3] > 127 for picture in pictures)
     assert (mesh & leaves).sum() / (mesh | leaves).sum() > iou
+    color, own = (picture[mesh & leaves][:, :3].mean(axis=0) for picture in pictures)
+    assert np.abs(own - color).max() < 12  # of 255: the leaf is red and green, and the crown keeps its colours
+
+
+@pytest.mark.preview
+def test_leaves_of_a_cluster_point_their_own_ways(tmp_path):
+    leaf = drawn_leaf(24, 100)
+    folder = tmp_path / "oak"
+    folder.mkdir()
+    asset = write_crown_asset(folder, "oak", bumpy_crown(), PLAIN, leaf=clean_leaf_picture(leaf))
+    view = PreviewView(
+        output=tmp_path / "none.png", orthographic=True, window=(-0.4, 0.8, 2.0, 3.2), variants=(("crown", "leaves"),)
+    )
+    (drawn,) = draw_views(asset, [view], PreviewSettings(width_px=400, height_px=400, background=None))
+    grey = finish_picture(drawn, None)[..., :3].astype(np.float64).mean(axis=-1)
+    rise, across = np.gradient(grey)
+    # Doubled angles of edges: their mean is long where all are parallel.
+    doubled = (across + 1j * rise) ** 2
+    assert abs(doubled.sum()) / np.abs(doubled).sum() < 0.25
 
 
 @pytest.mark.preview

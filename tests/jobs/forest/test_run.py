@@ -24,6 +24,7 @@ from usdfoliage.jobs.forest.levels import turn_and_lean
 from usdfoliage.jobs.info import describe_asset, format_info
 
 from tests.support.forests.scene import forest_scene, frame, match, write_forest_files, write_raster
+from tests.support.leaf_pictures import drawn_leaf, write_leaf
 from tests.support.plant_assets import round_crown
 
 PLAIN = Provenance(capture="crown.jpg", generator="test", seed=0, input_sha256="0")
@@ -228,6 +229,67 @@ def test_assets_that_cannot_be_used_are_named_with_their_row(files, tmp_path, ca
     (tmp_path / "empty.usda").write_text('#usda 1.0\n(defaultPrim = "A")\ndef Xform "A" {}\n')
     plants.write_text(text.replace('asset = "oak"', 'asset = "empty.usda"'))
     assert "draws nothing" in refused(files, tmp_path, capsys, plants=plants)
+
+
+def leaf_row(files, tmp_path, leaf: str) -> Path:
+    """plants.toml whose first row names a leaf."""
+    text = files["plants"].read_text().replace('asset = "oak"', f'asset = "{files["plants"].parent / "oak"}"')
+    first = text.index("species")
+    return _write(tmp_path / "plants.toml", f'{text[:first]}leaf = "{leaf}"\n{text[first:]}')
+
+
+@pytest.mark.parametrize("tile", [(), ("--tile", "30")])
+def test_a_row_gives_the_crown_of_its_asset_other_leaves(files, tmp_path, tile):
+    write_leaf(tmp_path / "oak_leaf.png", drawn_leaf(30, 100))
+    plants = leaf_row(files, tmp_path, "oak_leaf.png")
+    out = tmp_path / "valley"
+    assert main(["forest", *arguments({**files, "plants": plants}), "-o", str(out), "--no-preview", *tile]) == 0
+    stage = Usd.Stage.Open(str(out / "valley.usda"))
+    stage.GetDefaultPrim().GetVariantSet("level").SetVariantSelection("leaves")
+    level = next(
+        prim for prim in stage.Traverse() if prim.IsA(UsdGeom.PointInstancer) and prim.GetParent().GetName() == "plants"
+    )
+    given, own = (
+        stage.GetPrimAtPath(target.AppendPath("Place/Plant"))
+        for target in UsdGeom.PointInstancer(level).GetPrototypesRel().GetTargets()[:2]
+    )
+    maps = [each.GetPrimAtPath("mtl/CrownLeaves/LeafMap").GetAttribute("inputs:file").Get() for each in (given, own)]
+    assert Path(maps[0].resolvedPath) == out / "maps" / "valley_leaf_1.png"
+    assert Path(maps[1].resolvedPath).name == "oak_crown_leaf.png"
+    for each, width in ((given, 0.3), (own, 0.62)):
+        cluster = each.GetPrimAtPath("geo/proxy/CrownLeaves/Prototypes/Cluster_1")
+        corner = np.array(cluster.GetAttribute("primvars:leafCorner").Get())
+        assert np.abs(corner[0, 0] / corner[0, 1]) == pytest.approx(width, abs=0.03)
+    clusters = UsdGeom.PointInstancer(given.GetPrimAtPath("geo/proxy/CrownLeaves"))
+    assert len(clusters.GetPositionsAttr().Get()) == 320
+    # What is drawn lies in the extents, in the crown's own frame.
+    low, high = np.array(clusters.GetExtentAttr().Get())
+    scale = np.array(clusters.GetScalesAttr().Get())[:, :1]
+    reach = max(
+        np.linalg.norm(np.array(UsdGeom.Mesh(stage.GetPrimAtPath(form)).GetPointsAttr().Get()), axis=1).max()
+        for form in clusters.GetPrototypesRel().GetForwardedTargets()
+    )
+    places = np.array(clusters.GetPositionsAttr().Get())
+    assert ((places - reach * scale).min(axis=0) >= low - 1e-3).all()
+    assert ((places + reach * scale).max(axis=0) <= high + 1e-3).all()
+    report = validate_asset(out, read_profile(default_profile()))
+    assert [finding for finding in report.findings if not finding.accepted] == []
+
+
+def test_a_leaf_of_a_row_that_cannot_be_used_is_named_with_it(files, tmp_path, capsys):
+    write_leaf(tmp_path / "clear.png", drawn_leaf() * [1, 1, 1, 0])
+    for leaf in ("clear.png", "absent.png"):
+        line = refused(files, tmp_path, capsys, plants=leaf_row(files, tmp_path, leaf))
+        assert "row 1 (oak)" in line
+        assert leaf in line
+    (tmp_path / "cube.usda").write_text(
+        '#usda 1.0\n(\n defaultPrim = "A"\n upAxis = "Y"\n metersPerUnit = 1\n)\n'
+        'def Cube "A"\n{\n float3[] extent = [(-1, -1, -1), (1, 1, 1)]\n}\n'
+    )
+    write_leaf(tmp_path / "good.png", drawn_leaf())
+    plants = leaf_row(files, tmp_path, "good.png")
+    plants.write_text(plants.read_text().replace(str(files["plants"].parent / "oak"), "cube.usda", 1))
+    assert "no crown of leaves" in refused(files, tmp_path, capsys, plants=plants)
 
 
 def test_a_foreign_asset_in_other_units_and_axes_stands_upright(files, tmp_path):

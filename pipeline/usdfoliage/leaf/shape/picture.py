@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import LinearNDInterpolator
+from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
 
@@ -51,7 +51,9 @@ def draw_leaf_picture(
     known = np.concatenate([np.dstack([at_px, uv.reshape(_ALONG, _ACROSS, 2)])[1:-1].reshape(-1, 4), ends])
     x, y = np.meshgrid(np.arange(width_px) + 0.5, np.arange(height_px) + 0.5)
     found = LinearNDInterpolator(known[:, :2], known[:, 2:])(x, y)
-    st = np.nan_to_num(found, nan=0.0) * [0.5, 1.0] + [0.5, 0.0]
+    beside = np.isnan(found[..., 0])  # where the silhouette covers a part of a pixel, and not its middle
+    found[beside] = NearestNDInterpolator(known[:, :2], known[:, 2:])(x[beside], y[beside])
+    st = found * [0.5, 1.0] + [0.5, 0.0]
     rows, columns = texture.shape[:2]
     shown = cv2.remap(
         np.ascontiguousarray(texture, np.float32),
@@ -60,5 +62,5 @@ def draw_leaf_picture(
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    shown[..., 3] *= inside * np.isfinite(found[..., 0])
+    shown[..., 3] *= inside
     return np.asarray(shown, np.float32)

@@ -19,14 +19,15 @@ from usdfoliage.branch.foliage.species import load_library
 from usdfoliage.branch.model_file import BranchesModel, TracedPlant, write_branches_model, write_traced_plant
 from usdfoliage.capture.cloud.model import Cloud
 from usdfoliage.capture.cloud_files.ply import write_cloud
+from usdfoliage.capture.folder.images import read_photo
 from usdfoliage.crown.model_file import MadeCrown, write_crown_model
 from usdfoliage.errors import FitError, WriteError
 from usdfoliage.jobs.plant.asset_facts import read_asset_facts
 from usdfoliage.jobs.plant.settings import BuildSettings, PictureStageSettings
 from usdfoliage.jobs.plant.stages import assemble
-from usdfoliage.jobs.plant.stages.assemble import assemble_asset, describe_guessed_leaves
+from usdfoliage.jobs.plant.stages.assemble import assemble_asset, average_crown_leaf, describe_guessed_leaves
 from usdfoliage.jobs.plant.stages.foliage import ChosenFoliage
-from usdfoliage.jobs.plant.stages.models import read_captured_leaves
+from usdfoliage.jobs.plant.stages.models import AVERAGE_LEAF, read_captured_leaves
 from usdfoliage.jobs.plant.summary import StageSummary, read_summary, write_summary
 from usdfoliage.leaf.model import Leaves
 from usdfoliage.leaf.model_file import LeavesModel, write_leaves_model
@@ -34,6 +35,7 @@ from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
 
 from tests.support.asset_shapes import list_shape, read_shape
 from tests.support.branch_shapes import fork
+from tests.support.leaf_pictures import write_leaf
 from tests.support.leaves.assets import two_leaves
 from tests.support.leaves.proposals import flat_leaves
 from tests.support.plant_assets import round_crown
@@ -114,6 +116,36 @@ def test_leaves_that_cover_little_or_are_wrong_do_not_stand_for_the_plant(
     assert guessed is None or ("the lod crown is shown" in guessed.text) == has_crown
     assert any("crown is left out" in warning for warning in summary.warning_texts()) == (with_crown and not has_crown)
     assert ("crown" in stage.GetDefaultPrim().GetVariantSet("lod").GetVariantNames()) == has_crown
+
+
+@pytest.mark.parametrize("picture", ["good", "clear", "cut short", "none"])
+def test_the_crown_of_a_plant_has_its_average_leaf(tmp_path, picture):
+    call = fork_call(tmp_path, np.zeros((0, 3)), BuildSettings(), two_leaves())
+    folder = tmp_path / "leaves"
+    if picture != "none":
+        write_leaves_model(
+            folder / "leaves.npz",
+            LeavesModel(leaves=two_leaves(), asset_from_capture=np.eye(4), texture_color=(0.3, 0.4, 0.1)),
+        )
+        texture = np.full((64, 32, 4), 0.3, np.float32)
+        texture[..., 3] = 0.0 if picture == "clear" else 1.0
+        texture[0, 0, 3] = 0.2
+        texture[32:, :, 1] = 0.8  # towards the base
+        write_leaf(folder / AVERAGE_LEAF, texture)
+        if picture == "cut short":
+            (folder / AVERAGE_LEAF).write_bytes((folder / AVERAGE_LEAF).read_bytes()[:60])
+    leaf, remarks = average_crown_leaf(read_captured_leaves(folder))
+    assert [each.code for each in remarks] == (["crown-leaf-plain"] if picture in ("clear", "cut short") else [])
+    assert (leaf is not None) == (picture == "good")
+    if picture == "cut short":
+        return  # the leaves themselves cannot have such a picture
+    assemble_asset(call)
+    written = read_photo(call.out / "asset" / "maps" / "fork_crown_leaf.png")
+    assert ("crown-leaf-plain" in [each.code for each in read_summary(call.out).remarks]) == (picture == "clear")
+    rows, columns = written.linear.shape[:2]
+    base, apex = (written.linear[row, columns // 2, 1] for row in (-rows // 4, rows // 4))
+    assert (base > 2 * apex) == (picture == "good")
+    assert (columns == rows) == (picture != "good")
 
 
 def fork_call(folder: Path, points_m: np.ndarray, settings: BuildSettings, leaves: Leaves | None = None):
