@@ -20,7 +20,7 @@ from usdfoliage.geometry.color import encode_srgb
 
 from tests.support.commands.json_output import read_output
 from tests.support.crown_shapes import disc_mask, foliage
-from tests.support.leaf_pictures import drawn_leaf, write_leaf
+from tests.support.leaves.drawn import drawn_leaf, write_leaf
 
 SMALL = ("--size", "32", "--mesh-size", "17", "--no-preview")
 

@@ -14,7 +14,7 @@ from usdfoliage.crown.leaf_picture import (
 )
 from usdfoliage.errors import FitError
 
-from tests.support.leaf_pictures import drawn_leaf
+from tests.support.leaves.drawn import drawn_leaf
 
 
 def mean_of(picture) -> np.ndarray:
@@ -61,7 +61,7 @@ def test_dust_and_gaps_are_cleaned_and_leaflets_stay():
     assert clean_leaf_picture(pair).width == pytest.approx((60 + 100) / 100, abs=0.05)
 
 
-def test_a_large_picture_and_a_small_one_of_a_leaf_are_alike():
+def test_a_large_picture_and_a_small_one_of_a_leaf_become_one():
     large, small = (clean_leaf_picture(drawn_leaf(60 * n, 100 * n, 20 * n), 100) for n in (20, 1))
     assert large.rgba.shape == small.rgba.shape
     assert large.cover == pytest.approx(small.cover, abs=0.02)

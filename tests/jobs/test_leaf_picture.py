@@ -9,8 +9,8 @@ from usdfoliage.asset.parts.leaf_part import LeafAppearance
 from usdfoliage.errors import AssetError, CaptureError, FitError, FoliageError
 from usdfoliage.jobs.leaf_picture import read_leaf_picture
 
-from tests.support.leaf_pictures import drawn_leaf, write_leaf
 from tests.support.leaves.assets import write_spray
+from tests.support.leaves.drawn import drawn_leaf, write_leaf
 
 
 def test_a_file_is_read_as_linear_light(tmp_path):

@@ -98,9 +98,9 @@ def clean_leaf_picture(rgba: NDArray[np.floating], longest_px: int = LONGEST_PX)
     color = color.reshape(*alpha.shape, 3) / np.maximum(weight, 1e-6)[..., None]
     margin = ((MARGIN_PX, MARGIN_PX), (MARGIN_PX, MARGIN_PX))
     alpha, weight, color = np.pad(alpha, margin), np.pad(weight, margin), np.pad(color, (*margin, (0, 0)))
-    shown = weight > 0.25
-    inner = cv2.erode(shown.astype(np.uint8), np.ones((2 * EDGE_PX + 1, 2 * EDGE_PX + 1), np.uint8)) > 0
-    thin = shown & (cv2.dilate(inner.astype(np.uint8), np.ones((4 * EDGE_PX + 1, 4 * EDGE_PX + 1), np.uint8)) == 0)
+    seen = weight > 0.25
+    inner = cv2.erode(seen.astype(np.uint8), np.ones((2 * EDGE_PX + 1, 2 * EDGE_PX + 1), np.uint8)) > 0
+    thin = seen & (cv2.dilate(inner.astype(np.uint8), np.ones((4 * EDGE_PX + 1, 4 * EDGE_PX + 1), np.uint8)) == 0)
     factors = _without_mean(_spread(color, inner | thin), alpha >= OPAQUE)
     return LeafPicture(rgba=np.dstack([factors, alpha]).astype(np.float32), width=alpha.shape[1] / alpha.shape[0])
 
@@ -139,7 +139,7 @@ def _spread(color: NDArray[np.floating], known: NDArray[np.bool_]) -> NDArray[np
 
 
 def _without_mean(color: NDArray[np.floating], inside: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Colours (H, W, 3) over their mean inside, highlights held down, so that the mean of the result is 1.
+    """Colours (H, W, 3) over their mean inside, none above BRIGHTEST, so that the mean of the result is 1.
 
     Raises:
         FitError: The leaf is black.
@@ -151,7 +151,7 @@ def _without_mean(color: NDArray[np.floating], inside: NDArray[np.bool_]) -> NDA
         raise FitError("the picture of the leaf is black", "give a picture in the leaf's colours")
     # A channel of which the leaf has nothing has no pattern of its own either.
     factors = np.where(mean > DARKEST, factors / np.maximum(mean, DARKEST), 1.0)
-    for _ in range(4):  # what is held down takes from the mean, less each time
+    for _ in range(4):  # what is cut off is missing from the mean, less each time
         factors = np.minimum(factors, BRIGHTEST)
         factors /= factors[inside].mean(axis=0)
     return factors.astype(np.float32)

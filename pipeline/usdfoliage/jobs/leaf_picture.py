@@ -46,9 +46,9 @@ def picture_of_leaves(fitted: FittedLeaves) -> LeafPicture:
         FitError: There is no leaf that has a form.
     """
     texture = fitted.appearance.texture
-    shown = np.ones((2, 2, 4), np.float32) if texture is None else _read_texture(texture)
+    texels = np.ones((2, 2, 4), np.float32) if texture is None else _read_texture(texture)
     try:
-        drawn = draw_leaf_picture(average_of(fitted.leaves), shown)
+        drawn = draw_leaf_picture(average_of(fitted.leaves), texels)
     except ValueError as error:
         raise FitError(f"the average leaf has no picture: {error}") from error
     try:

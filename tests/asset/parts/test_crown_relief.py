@@ -15,7 +15,7 @@ from usdfoliage.crown.model import CrownModel
 from usdfoliage.geometry.cubemap import face_directions, share_borders
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views, finish_picture
 
-from tests.support.leaf_pictures import drawn_leaf
+from tests.support.leaves.drawn import drawn_leaf
 
 PLAIN = Provenance(capture="crown.jpg", generator="test", seed=0, input_sha256="0")
 
@@ -124,7 +124,7 @@ def leafy(crown, tmp_path_factory):
     return assets
 
 
-@pytest.mark.parametrize(("name", "leaves"), [("plain", 36), ("slim", 76), ("wide", 36)])
+@pytest.mark.parametrize(("name", "leaves"), [("plain", 36), ("slim", 82), ("wide", 36)])
 def test_the_picture_of_a_leaf_is_in_the_maps_and_gives_leaves_their_form(leafy, name, leaves):
     stage = Usd.Stage.Open(str(leafy[name]))
     stage.GetPrimAtPath("/oak/geo/proxy").GetVariantSets().GetVariantSet("crown").SetVariantSelection("leaves")
@@ -186,7 +186,7 @@ over "oak"
 
 
 @pytest.mark.preview
-def test_leaves_of_a_cluster_point_their_own_ways(tmp_path):
+def test_leaves_of_a_cluster_point_to_all_sides(tmp_path):
     leaf = drawn_leaf(24, 100)
     folder = tmp_path / "oak"
     folder.mkdir()

@@ -24,7 +24,7 @@ from usdfoliage.jobs.forest.levels import turn_and_lean
 from usdfoliage.jobs.info import describe_asset, format_info
 
 from tests.support.forests.scene import forest_scene, frame, match, write_forest_files, write_raster
-from tests.support.leaf_pictures import drawn_leaf, write_leaf
+from tests.support.leaves.drawn import drawn_leaf, write_leaf
 from tests.support.plant_assets import round_crown
 
 PLAIN = Provenance(capture="crown.jpg", generator="test", seed=0, input_sha256="0")

@@ -55,12 +55,12 @@ def draw_leaf_picture(
     found[beside] = NearestNDInterpolator(known[:, :2], known[:, 2:])(x[beside], y[beside])
     st = found * [0.5, 1.0] + [0.5, 0.0]
     rows, columns = texture.shape[:2]
-    shown = cv2.remap(
+    drawn = cv2.remap(
         np.ascontiguousarray(texture, np.float32),
         (st[..., 0] * columns - 0.5).astype(np.float32),
         ((1 - st[..., 1]) * rows - 0.5).astype(np.float32),
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    shown[..., 3] *= inside
-    return np.asarray(shown, np.float32)
+    drawn[..., 3] *= inside
+    return np.asarray(drawn, np.float32)

@@ -35,8 +35,8 @@ from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
 
 from tests.support.asset_shapes import list_shape, read_shape
 from tests.support.branch_shapes import fork
-from tests.support.leaf_pictures import write_leaf
 from tests.support.leaves.assets import two_leaves
+from tests.support.leaves.drawn import write_leaf
 from tests.support.leaves.proposals import flat_leaves
 from tests.support.plant_assets import round_crown
 
