@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from usdfoliage.cli.task import read_chunk, read_chunks
+from usdfoliage.cli.options.build import read_chunk, read_chunks
 
 from tests.support.commands.json_output import read_output
 from tests.support.leaves.commands import run

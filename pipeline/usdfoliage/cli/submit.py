@@ -7,6 +7,7 @@ step. Nothing is sent. Run a template on this machine, or send a bundle:
     deadline bundle submit FOLDER
 
 For other farms, usdfoliage task --step list --json prints the steps. All machines must see the work folder.
+usdfoliage forest writes the job of a forest itself, with the same options.
 """
 
 import argparse
@@ -14,19 +15,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from usdfoliage.cli.options.access import given
-from usdfoliage.cli.options.build import add_plan, add_publishing, add_work
+from usdfoliage.cli.options.build import add_job, add_machines, add_plan, add_publishing, add_work
 from usdfoliage.cli.options.leaf_commands import add_threads
 from usdfoliage.files.write_gate import Access
 
 if TYPE_CHECKING:
-    from usdfoliage.jobs.plant.farm_job import JobParameter
+    from usdfoliage.jobs.plant.farm_job import FarmJob, JobParameter
 
 FLAGS = ("--keep-invalid", "--reproducible", "--force", "--keep-old")  # of the last step
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from usdfoliage.jobs.plant.farm_job import FarmJob
-
     files = parser.add_argument_group("input and output")
     files.add_argument(
         "capture",
@@ -44,66 +43,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     files.add_argument(
         "--name", help="The asset has this name. The default is the name of the folder ASSET, or else of CAPTURE."
     )
-    files.add_argument(
-        "--template",
-        metavar="JOB.yaml",
-        type=Path,
-        help=(
-            "The job template is written to this file, and the values of its parameters beside it: as JSON where the "
-            "file's name ends in .json, else as YAML."
-        ),
-    )
-    files.add_argument("--bundle", metavar="FOLDER", type=Path, help="A job bundle is written to this folder.")
+    add_job(files)
     add_work(files)
     add_plan(parser.add_argument_group("settings of the plant"))
     farm = parser.add_argument_group("machines of the farm")
-    farm.add_argument(
-        "--executable",
-        metavar="NAME",
-        default=FarmJob.executable,
-        help="The workers start usdfoliage by this name or path; the default is %(default)s.",
-    )
-    farm.add_argument(
-        "--cores",
-        metavar="N",
-        type=int,
-        default=FarmJob.cores,
-        help="A machine for heavy steps has at least this many cores, 1 or more; the default is %(default)s.",
-    )
-    farm.add_argument(
-        "--memory-mib",
-        metavar="MIB",
-        type=int,
-        default=FarmJob.memory_mib,
-        help="A machine for heavy steps has at least this memory in MiB, 1 or more; the default is %(default)s.",
-    )
+    add_machines(farm)
     add_threads(farm, 0)
-    farm.add_argument(
-        "--no-chunking",
-        action="store_true",
-        help="Write one task for each chunk, for farms without the extension TASK_CHUNKING.",
-    )
     add_publishing(parser.add_argument_group("the last step"))
 
 
 def declare(options: argparse.Namespace) -> Access:
-    from usdfoliage.asset.access import refuse_in_asset
-    from usdfoliage.jobs.plant.openjd_template import values_file
-
-    outputs = [] if options.template is None else [options.template, values_file(options.template)]
-    for output in outputs:
-        refuse_in_asset(output)
-    reads = given(options.capture, options.plan, options.profile)
-    return Access(reads=reads, replaces=tuple(outputs), fills=given(options.bundle))
+    return declare_job(options, given(options.capture, options.plan, options.profile))
 
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.options.build import read_request
     from usdfoliage.errors import FoliageError
     from usdfoliage.jobs.plant.farm_job import FarmJob
-    from usdfoliage.jobs.plant.farm_steps import list_steps
-    from usdfoliage.jobs.plant.openjd_template import values_file, write_job
-    from usdfoliage.jobs.plant.run import plan_plant
+    from usdfoliage.jobs.plant.farm_steps import find_steps
 
     if options.template is None and options.bundle is None:
         raise FoliageError("name where the job goes: --template JOB.yaml, --bundle FOLDER, or both")
@@ -111,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
         raise FoliageError(f"--threads must be 0 or more, not {options.threads}")
     output = options.output or Path(options.capture.absolute().stem)
     request = read_request(options, options.capture, output, options.name)
-    steps = list_steps(plan_plant(request, "names")[1])
+    steps = find_steps(request)
     try:
         job = FarmJob(
             name=request.name,
@@ -125,15 +82,33 @@ def run(options: argparse.Namespace) -> int:
         )
     except ValueError as error:
         raise FoliageError(f"--{error}") from error
+    write_farm_job(job, options)
+    return 0
+
+
+def declare_job(options: argparse.Namespace, reads: tuple[Path, ...]) -> Access:
+    """What is read and written where a job is made."""
+    from usdfoliage.asset.access import refuse_in_asset
+    from usdfoliage.jobs.plant.openjd_template import values_file
+
+    outputs = [] if options.template is None else [options.template, values_file(options.template)]
+    for output in outputs:
+        refuse_in_asset(output)
+    return Access(reads=reads, replaces=tuple(outputs), fills=given(options.bundle))
+
+
+def write_farm_job(job: "FarmJob", options: argparse.Namespace) -> None:
+    """Write a job where the options of add_job have it, and print where it is."""
+    from usdfoliage.jobs.plant.openjd_template import values_file, write_job
+
     write_job(job, template=options.template, bundle=options.bundle, force=options.force)
     if options.template is not None:
         print(f"template: {options.template}\nparameters: {values_file(options.template)}")
     if options.bundle is not None:
         print(f"bundle: {options.bundle}")
-    tasks = sum(step.chunks for step in steps)
-    seconds = sum(step.estimate_s * step.chunks for step in steps)
-    print(f"steps: {len(steps)}, with {tasks} tasks, about {seconds:.0f} s of work on two cores")
-    return 0
+    tasks = sum(step.chunks for step in job.steps)
+    seconds = sum(step.estimate_s * step.chunks for step in job.steps)
+    print(f"steps: {len(job.steps)}, with {tasks} tasks, about {seconds:.0f} s of work on two cores")
 
 
 def _parameters(options: argparse.Namespace, name: str, work: Path) -> "list[JobParameter]":

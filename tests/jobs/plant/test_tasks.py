@@ -13,9 +13,9 @@ from usdfoliage.asset.resources import plugin_path_folders
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.capture.video_frames import VideoFrames
 from usdfoliage.jobs.plant import outside_tools
-from usdfoliage.jobs.plant.farm_steps import list_steps
 from usdfoliage.jobs.plant.inputs import BuildInputs
 from usdfoliage.jobs.plant.settings import BuildSettings, TaskSettings, with_seed
+from usdfoliage.jobs.plant.steps import list_steps
 from usdfoliage.jobs.plant.store import Stamp, Store, fill_result, list_files, write_stamp
 from usdfoliage.jobs.plant.tasks import STAGES, BuildPlan, find_wanted, plan_build
 
@@ -80,7 +80,7 @@ def test_the_chunks_of_a_stage_or_of_a_round_are_one_step(photographs_a_task: in
     assert {task.step for task in plan.tasks.values()} == {name.partition("/")[0] for name in plan.tasks}
     assert [task.step for task in plan.tasks.values()].count("matching-2") == chunks
     assert plan.tasks["leaves-asset"].step == "leaves-asset"
-    steps = {step.name: step for step in list_steps(plan)}
+    steps = {step.name: step for step in list_steps(plan, ("report",))}
     assert (steps["matching-2"].stage, steps["leaves-asset"].stage) == ("matching", "part-asset")
     assert steps["depth"].chunks == chunks
     assert len({task.key for task in PLAN.tasks.values()}) == len(PLAN.tasks)

@@ -1,6 +1,7 @@
-"""Options that build, batch, submit and task share."""
+"""Options that build, batch, submit, task and forest share."""
 
 import argparse
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,8 +50,8 @@ def add_work(parser: argparse._ActionsContainer) -> None:
     )
 
 
-def add_where(parser: argparse._ActionsContainer) -> None:
-    """Where tasks run."""
+def add_where(parser: argparse._ActionsContainer, *, has_threads: bool = True) -> None:
+    """Where tasks run; has_threads: whether the user may choose how many threads each has."""
     from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
 
     parser.add_argument(
@@ -66,6 +67,8 @@ def add_where(parser: argparse._ActionsContainer) -> None:
         metavar="tcp://HOST:PORT",
         help="The workers of this Dask scheduler run the tasks, instead of this machine.",
     )
+    if not has_threads:
+        return
     parser.add_argument(
         "--threads",
         type=int,
@@ -74,6 +77,100 @@ def add_where(parser: argparse._ActionsContainer) -> None:
         help="Each task uses at most this many threads; the result is the same with any number. The default is "
         "%(default)s: all cores, shared among the processes.",
     )
+
+
+def add_step(parser: argparse._ActionsContainer, *, required: bool) -> None:
+    """Which step runs, and which of its chunks."""
+    parser.add_argument(
+        "--step",
+        required=required,
+        metavar="STEP",
+        help="This step runs. The step list prints all steps with their numbers of chunks."
+        if required
+        else "Only this step runs, as a render farm does it. The step list prints all steps with their numbers of "
+        "chunks.",
+    )
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument(
+        "--chunk",
+        type=read_chunk,
+        metavar="K/N",
+        help="Only chunk K of N runs, as in 3/10. The default is all chunks.",
+    )
+    which.add_argument(
+        "--chunks",
+        type=read_chunks,
+        metavar="A-B",
+        help="Only the chunks from A to B run, counted from 1, as in 3-5. The default is all chunks.",
+    )
+
+
+def add_openjd(parser: argparse._ActionsContainer) -> None:
+    parser.add_argument(
+        "--openjd", action="store_true", help="Print progress and errors as lines of Open Job Description."
+    )
+
+
+def add_job(parser: argparse._ActionsContainer) -> None:
+    """Where the files of a job go."""
+    parser.add_argument(
+        "--template",
+        metavar="JOB.yaml",
+        type=Path,
+        help=(
+            "The job template is written to this file, and the values of its parameters beside it: as JSON where the "
+            "file's name ends in .json, else as YAML."
+        ),
+    )
+    parser.add_argument("--bundle", metavar="FOLDER", type=Path, help="A job bundle is written to this folder.")
+
+
+def add_machines(parser: argparse._ActionsContainer) -> None:
+    """What a job asks of the machines of a farm."""
+    from usdfoliage.jobs.plant.farm_job import FarmJob
+
+    parser.add_argument(
+        "--executable",
+        metavar="NAME",
+        default=FarmJob.executable,
+        help="The workers start usdfoliage by this name or path; the default is %(default)s.",
+    )
+    parser.add_argument(
+        "--cores",
+        metavar="N",
+        type=int,
+        default=FarmJob.cores,
+        help="A machine for heavy steps has at least this many cores, 1 or more; the default is %(default)s.",
+    )
+    parser.add_argument(
+        "--memory-mib",
+        metavar="MIB",
+        type=int,
+        default=FarmJob.memory_mib,
+        help="A machine for heavy steps has at least this memory in MiB, 1 or more; the default is %(default)s.",
+    )
+    parser.add_argument(
+        "--no-chunking",
+        action="store_true",
+        help="Write one task for each chunk, for farms without the extension TASK_CHUNKING.",
+    )
+
+
+def read_chunk(text: str) -> tuple[range, int]:
+    """The chunk of K/N."""
+    found = re.fullmatch(r"(\d+)/(\d+)", text)
+    if not found or not 1 <= int(found[1]) <= int(found[2]):
+        raise argparse.ArgumentTypeError(f"{text!r} is not K/N, a chunk and how many there are, as in 3/10")
+    return range(int(found[1]), int(found[1]) + 1), int(found[2])
+
+
+def read_chunks(text: str) -> range:
+    """The chunks of A-B, or A."""
+    found = re.fullmatch(r"(\d+)(?:-(\d+))?", text)
+    first, last = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
+    if not 1 <= first <= last:
+        raise argparse.ArgumentTypeError(f"{text!r} is not A-B, the first and the last chunk from 1, as in 3-5")
+    return range(first, last + 1)
 
 
 def add_ending(parser: argparse._ActionsContainer) -> None:
@@ -132,7 +229,11 @@ def read_where(options: argparse.Namespace) -> "ExecutorChoice":
     from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
 
     try:
-        return ExecutorChoice(jobs=options.jobs, scheduler=options.scheduler, threads=options.threads)
+        return ExecutorChoice(
+            jobs=options.jobs,
+            scheduler=options.scheduler,
+            threads=getattr(options, "threads", ExecutorChoice.threads),
+        )
     except ValueError as error:
         raise FoliageError(f"--{error}") from error
 

@@ -8,7 +8,8 @@ from usdfoliage.asset.asset_record import AssetOrigin
 from usdfoliage.asset.validation.studio_profile import default_profile
 from usdfoliage.errors import AssetError, FoliageError
 from usdfoliage.files.hashing import digest_file
-from usdfoliage.jobs.plant.inputs import BuildInputs, DigestBy, find_inputs
+from usdfoliage.jobs.plant.input_digests import DigestBy
+from usdfoliage.jobs.plant.inputs import BuildInputs, find_inputs
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.store import ResultFile, Store
 from usdfoliage.jobs.plant.tasks import BuildPlan, Task

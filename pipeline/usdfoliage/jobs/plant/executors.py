@@ -12,9 +12,10 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from typing import Generic
 
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.plant.call import BuildRequest
+from usdfoliage.jobs.plant.task_request import R
 from usdfoliage.jobs.plant.tasks import BuildPlan, Task
 from usdfoliage.remarks import Remedy
 
@@ -44,31 +45,31 @@ class Done:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TaskOrder:
+class TaskOrder(Generic[R]):
     """A task of a plant, as it is sent to a worker."""
 
-    request: BuildRequest
+    request: R
     name: str
     key: str  # of its result, by which a worker sees that it plans the same
     threads: int
     poor_mark: int = 0  # of the poor stamp that was there when the build began: only that one is done again
 
 
-RunTask = Callable[[TaskOrder], Done]
+RunTask = Callable[[TaskOrder[R]], Done]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
+class Wanted(Generic[R]):
     """A plant of which tasks are to be done."""
 
-    request: BuildRequest
+    request: R
     plan: BuildPlan
     tasks: Mapping[str, Task]
     poor_marks: Mapping[str, int] = field(default_factory=dict)  # as TaskOrder's, by task
 
 
 # Gives the next plant, None where there is none (yet): so that a library is not planned before anything runs.
-NextPlant = Callable[[], Wanted | None]
+NextPlant = Callable[[], Wanted[R] | None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +80,7 @@ class Workers:
     count: Callable[[], int]  # tasks that they can do at once now; FoliageError where there is no hope of any
 
 
-def run_here(wanted: Wanted, run: RunTask, threads: int = 0) -> Iterator[Done]:
+def run_here(wanted: Wanted[R], run: RunTask[R], threads: int = 0) -> Iterator[Done]:
     """One task after the other, in this process; ends after a task that failed for what nothing can be done."""
     sorter = sort_tasks(wanted)
     while sorter.is_active():
@@ -91,7 +92,7 @@ def run_here(wanted: Wanted, run: RunTask, threads: int = 0) -> Iterator[Done]:
             sorter.done(name)
 
 
-def run_on(next_plant: NextPlant, run: RunTask, workers: Workers, threads: int) -> Iterator[tuple[int, Done]]:
+def run_on(next_plant: NextPlant[R], run: RunTask[R], workers: Workers, threads: int) -> Iterator[tuple[int, Done]]:
     """Tasks of several plants on an executor, as soon as those that they need are done, the first plants first.
 
     Args:
@@ -107,7 +108,7 @@ def run_on(next_plant: NextPlant, run: RunTask, workers: Workers, threads: int) 
     Raises:
         FoliageError: There are no workers any more.
     """
-    plants: list[tuple[Wanted, graphlib.TopologicalSorter[str]]] = []
+    plants: list[tuple[Wanted[R], graphlib.TopologicalSorter[str]]] = []
     ready: list[tuple[int, int, str]] = []  # a heap: the plant, when the task was ready, its name
     running: dict[Future[Done], tuple[int, int, str]] = {}
     tries: dict[tuple[int, str], int] = {}
@@ -177,7 +178,7 @@ def run_on(next_plant: NextPlant, run: RunTask, workers: Workers, threads: int) 
             executor = workers.open_executor()
 
 
-def sort_tasks(wanted: Wanted) -> "graphlib.TopologicalSorter[str]":
+def sort_tasks(wanted: Wanted[R]) -> "graphlib.TopologicalSorter[str]":
     """The tasks of a plant, prepared to be asked which are ready."""
     sorter: graphlib.TopologicalSorter[str] = graphlib.TopologicalSorter()
     for name, task in wanted.tasks.items():
@@ -202,7 +203,7 @@ def _give_up(name: str, error: Exception, tries: int) -> Done | None:
     return Done(name=name, seconds=0.0, was_run=False, fault=text)
 
 
-def _order(wanted: Wanted, name: str, threads: int) -> TaskOrder:
+def _order(wanted: Wanted[R], name: str, threads: int) -> TaskOrder[R]:
     return TaskOrder(
         request=wanted.request,
         name=name,

@@ -1,11 +1,8 @@
 """What a build starts from: the files of a capture, or a point cloud, and their digests."""
 
-import json
-import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from usdfoliage.capture.cloud_files.read import CLOUD_SUFFIXES, check_cloud_file, is_cloud_input
 from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, VIDEOS, files_below
@@ -13,23 +10,16 @@ from usdfoliage.capture.folder.raster import read_image_spec
 from usdfoliage.capture.folder.settings import FILE_NAME, read_capture_settings
 from usdfoliage.capture.video.settings import VideoSettings
 from usdfoliage.errors import CaptureError
-from usdfoliage.files.hashing import digest_file
-from usdfoliage.files.json import read_json
 from usdfoliage.jobs.capture.find_photographs import find_photographs, require_there
 from usdfoliage.jobs.capture.video_frames import VideoFrames, find_video, lay_frames
+from usdfoliage.jobs.plant.input_digests import DigestBy, digest_inputs
 from usdfoliage.jobs.plant.settings import LeafDepth
 from usdfoliage.jobs.plant.store import Store
-from usdfoliage.jobs.work.keys import task_key
-from usdfoliage.jobs.work.results import write_whole
 from usdfoliage.progress import Progress
 from usdfoliage.remarks import Remark
 
-logger = logging.getLogger(__name__)
-
 DEPTH_FOLDER = "depth"
 FRAMES = "views/frames"  # in the work folder: of videos
-DigestBy = Literal["bytes", "memory", "files", "names"]
-_UNREAD = ""  # digest of a file that nobody looked at
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +86,7 @@ def find_inputs(
             has_cameras=False,
             has_depth=False,
             files=files,
-            digests=_digest_files(source, files, store, digest_by=digest_by),
+            digests=digest_inputs(source, files, store, digest_by=digest_by),
             megapixels=0.0,
         )
     frames = None
@@ -106,7 +96,7 @@ def find_inputs(
     else:
         files = {f"{VIDEOS}/{given_video.name}": given_video}
         _require_names(files)
-        (name_and_digest,) = _digest_files(
+        (name_and_digest,) = digest_inputs(
             source, files, store, digest_by="memory" if digest_by == "names" else digest_by, part=VIDEOS
         )
         places = store.folder / FRAMES
@@ -133,7 +123,7 @@ def find_inputs(
         has_cameras=has_cameras,
         has_depth=has_depth,
         files=files,
-        digests=_digest_files(source, files, store, digest_by=digest_by),
+        digests=digest_inputs(source, files, store, digest_by=digest_by),
         megapixels=_megapixels(first),
         frames=frames,
         remarks=given.remarks,
@@ -153,45 +143,6 @@ def _require_names(files: Mapping[str, Path]) -> None:
             name.encode()
         except UnicodeEncodeError as error:
             raise CaptureError(f"{path} has a name that is not in UTF-8", "rename it") from error
-
-
-def _digest_files(
-    source: Path, files: Mapping[str, Path], store: Store, digest_by: DigestBy, part: str = ""
-) -> tuple[tuple[str, str], ...]:
-    """Name and digest of every file, sorted; in a quick look those that nobody remembers have none.
-
-    What is remembered of some part of the files has a place of its own.
-    """
-    memory = store.folder / "digests" / f"{task_key(str(source.resolve()), part)}.json"
-    known = _read_memory(memory)
-    digests: dict[str, str] = {}
-    remembered: dict[str, list[object]] = {}
-    for name, path in sorted(files.items()):
-        try:
-            seen = path.stat()
-        except OSError as error:
-            raise CaptureError(f"{path} cannot be read: {error.strerror}", "check its permissions") from error
-        mark: list[object] = [seen.st_size, seen.st_mtime_ns, seen.st_ino]
-        stored = known.get(name)
-        if digest_by != "bytes" and stored and stored[:3] == mark:
-            digests[name] = str(stored[3])
-        else:
-            digests[name] = _UNREAD if digest_by == "names" else digest_file(path)
-        remembered[name] = [*mark, digests[name]]
-    if digest_by in ("bytes", "memory") and remembered != known:
-        write_whole(memory, json.dumps(remembered, indent=1).encode())
-    return tuple(sorted(digests.items()))
-
-
-def _read_memory(path: Path) -> dict[str, list[object]]:
-    try:
-        stored = read_json(path)
-        return {str(name): list(value) for name, value in stored.items() if len(value) == 4}
-    except FileNotFoundError:
-        return {}
-    except (OSError, ValueError, TypeError, AttributeError) as error:
-        logger.info("%s is damaged (%s) and is made again", path, error)
-        return {}
 
 
 def _megapixels(photo: Path) -> float:

@@ -1,5 +1,6 @@
 """How far a build is."""
 
+from usdfoliage.jobs.plant.call import BuildRequest
 from usdfoliage.jobs.plant.executors import Done, Wanted
 from usdfoliage.progress import PlantProgress, Progress, StepProgress
 
@@ -10,11 +11,11 @@ class Meter:
     def __init__(self, plants: int, progress: PlantProgress | None) -> None:
         self._progress = progress
         self._plants = plants
-        self._wanted: list[Wanted] = []
+        self._wanted: list[Wanted[BuildRequest]] = []
         self._done_s: dict[int, float] = {}  # of plants that are not at their end
         self._ended = 0
 
-    def add(self, wanted: Wanted) -> None:
+    def add(self, wanted: Wanted[BuildRequest]) -> None:
         self._done_s[len(self._wanted)] = 0.0
         self._wanted.append(wanted)
 

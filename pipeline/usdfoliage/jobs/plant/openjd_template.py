@@ -13,7 +13,7 @@ import yaml
 from usdfoliage.errors import AssetError
 from usdfoliage.files.atomic import write_whole_files
 from usdfoliage.jobs.plant.farm_job import FarmJob, JobParameter
-from usdfoliage.jobs.plant.farm_steps import PUBLISH, Step
+from usdfoliage.jobs.plant.steps import PUBLISH, Step
 from usdfoliage.jobs.plant.tasks import (
     BRANCHES,
     CLOUD,
@@ -74,7 +74,9 @@ def make_template(job: FarmJob) -> dict[str, object]:
     return {
         **template,
         "name": f"usdfoliage {job.name}",
-        "description": "A plant's asset. All machines must see the same work folder, or get it with the job.",
+        "description": (
+            f"The asset of a {job.what}. All machines must see the same work folder, or get it with the job."
+        ),
         "parameterDefinitions": parameters,
         "steps": [_define_step(job, step) for step in job.steps],
     }
@@ -143,7 +145,7 @@ def _spare(path: Path, force: bool) -> None:
         )
 
 
-def parameter_values(job: FarmJob) -> dict[str, str | int]:
+def parameter_values(job: FarmJob) -> dict[str, str | int | float]:
     """Of the parameters that are known."""
     return {each.name: each.value for each in job.parameters if each.value is not None}
 
@@ -163,11 +165,11 @@ def _define(parameter: JobParameter) -> dict[str, object]:
 
 
 def _define_step(job: FarmJob, step: Step) -> dict[str, object]:
-    arguments = ["task"]
+    arguments = [job.command]
     for each in job.parameters:
         arguments += [each.option] if each.option else []
         arguments.append(f"{{{{Param.{each.name}}}}}")
-    arguments += ["--step", step.name, "--openjd"]
+    arguments += [*job.switches, "--step", step.name, "--openjd"]
     space: dict[str, object] = {}
     if step.chunks > 1:
         arguments += ["--chunks", "{{Task.Param.Chunk}}"]
@@ -178,7 +180,7 @@ def _define_step(job: FarmJob, step: Step) -> dict[str, object]:
         space = {"parameterSpace": {"taskParameterDefinitions": [chunk]}}
     if step.name == PUBLISH:
         arguments += job.flags
-    is_heavy = step.stage in _HEAVY
+    is_heavy = step.stage in (*_HEAVY, *job.heavy)
     action = {
         "command": "{{Param.Executable}}",
         "args": arguments,

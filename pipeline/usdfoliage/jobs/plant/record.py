@@ -15,8 +15,8 @@ from pathlib import Path
 from usdfoliage.files.hashing import hash_bytes
 from usdfoliage.files.json import read_json
 from usdfoliage.files.reading import read_regular
-from usdfoliage.jobs.plant.call import BuildRequest
 from usdfoliage.jobs.plant.store import Store, hold_work_lock
+from usdfoliage.jobs.plant.task_request import TaskRequest
 from usdfoliage.jobs.plant.tasks import BuildPlan, Task
 from usdfoliage.jobs.work.results import write_whole
 
@@ -48,7 +48,7 @@ class PlantRecord:
     frames: str | None = ""  # folder of the frames of its video; "": it has none; None: nobody knows
 
 
-def note_build(request: BuildRequest, plan: BuildPlan) -> None:
+def note_build(request: TaskRequest, plan: BuildPlan) -> None:
     """Remember that this is the latest build of the plant, and that its tasks are used now: the time of their locks.
 
     Raises:
@@ -81,7 +81,7 @@ def note_build(request: BuildRequest, plan: BuildPlan) -> None:
                 os.utime(store.lock(task.key))
 
 
-def note_task(request: BuildRequest, plan: BuildPlan, task: Task) -> None:
+def note_task(request: TaskRequest, plan: BuildPlan, task: Task) -> None:
     """The same, unless the latest build has that task: of a farm, steps may run without the first one."""
     record = read_record(request.store, plant_key(request))
     if record is None or all(each.key != task.key for each in record.tasks):
@@ -89,7 +89,7 @@ def note_task(request: BuildRequest, plan: BuildPlan, task: Task) -> None:
 
 
 @contextmanager
-def use_plant(request: BuildRequest) -> Iterator[None]:
+def use_plant(request: TaskRequest) -> Iterator[None]:
     """Let nobody prune what the plant's builds have made; FoliageError where the work folder cannot be written."""
     with hold_work_lock(request.store.plant_lock(plant_key(request)), shared=True):
         yield
@@ -145,7 +145,7 @@ def _read_record(store: Store, key: str) -> PlantRecord:
     )
 
 
-def plant_key(request: BuildRequest) -> str:
+def plant_key(request: TaskRequest) -> str:
     """The same for every version of the code: a build by a newer one is the latest of the same plant."""
     places = b"\n".join(os.fsencode(Path(path).resolve()) for path in (request.capture, request.output))
     return hash_bytes(places).hex()[:32]

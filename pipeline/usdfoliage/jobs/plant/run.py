@@ -4,24 +4,23 @@ import logging
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import replace
 
 from usdfoliage.errors import FoliageError
 from usdfoliage.files.reading import refusals_described
 from usdfoliage.jobs.plant.call import BuildRequest, digest_profile, inputs_of
-from usdfoliage.jobs.plant.dask_workers import connect_dask
 from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
 from usdfoliage.jobs.plant.executors import Done, NextPlant, TaskOrder, Wanted, Workers, run_here, run_on
 from usdfoliage.jobs.plant.finish import BuiltPlant, finish_plant
-from usdfoliage.jobs.plant.inputs import BuildInputs, DigestBy
+from usdfoliage.jobs.plant.input_digests import DigestBy
+from usdfoliage.jobs.plant.inputs import BuildInputs
 from usdfoliage.jobs.plant.meter import Meter
-from usdfoliage.jobs.plant.processes import open_processes, threads_each
 from usdfoliage.jobs.plant.record import note_build
 from usdfoliage.jobs.plant.store import remove_leftovers, stamp_mark
 from usdfoliage.jobs.plant.tasks import REPORT, BuildPlan, find_wanted, plan_build
 from usdfoliage.jobs.plant.times import expect_times
 from usdfoliage.jobs.plant.worker import run_named_task
+from usdfoliage.jobs.plant.workers import open_workers
 from usdfoliage.progress import PlantProgress, Progress
 
 logger = logging.getLogger(__name__)
@@ -62,7 +61,7 @@ def build_plants(
     ended: dict[int, BuiltPlant] = {}
     reported: set[int] = set()
 
-    def next_plant() -> Wanted | None:
+    def next_plant() -> Wanted[BuildRequest] | None:
         while waiting:
             number = waiting.popleft()
             state = states[number]
@@ -83,7 +82,7 @@ def build_plants(
             yield number, ended[number]
 
     try:
-        with _open(where) as (workers, threads):
+        with open_workers(where) as (workers, threads):
             for place, done in _run(next_plant, workers, threads, meter):
                 yield from report()
                 number = planned[place]
@@ -110,7 +109,7 @@ class _State:
 
     def __init__(self, request: BuildRequest, where: ExecutorChoice) -> None:
         self.request = request
-        self.wanted: Wanted | None = None
+        self.wanted: Wanted[BuildRequest] | None = None
         self.place = -1  # of its last plan among all
         self.plans = 0
         self._where = where
@@ -186,20 +185,9 @@ class _State:
             return replace(made, error=error.text, remedy=error.remedy)
 
 
-@contextmanager
-def _open(where: ExecutorChoice) -> Iterator[tuple[Workers | None, int]]:
-    """Who does the tasks, None for this process; threads of each task."""
-    if where.scheduler:
-        with connect_dask(where.scheduler) as workers:
-            yield workers, where.threads or 1
-    elif where.jobs > 1:
-        with open_processes(where.jobs) as workers:
-            yield workers, where.threads or threads_each(where.jobs)
-    else:
-        yield None, where.threads
-
-
-def _run(next_plant: NextPlant, workers: Workers | None, threads: int, meter: Meter) -> Iterator[tuple[int, Done]]:
+def _run(
+    next_plant: NextPlant[BuildRequest], workers: Workers | None, threads: int, meter: Meter
+) -> Iterator[tuple[int, Done]]:
     if workers is not None:
         for place, done in run_on(next_plant, run_named_task, workers, threads):
             meter.done(place, done)
@@ -209,7 +197,7 @@ def _run(next_plant: NextPlant, workers: Workers | None, threads: int, meter: Me
     while (wanted := next_plant()) is not None:
         number = place
 
-        def run(order: TaskOrder, number: int = number) -> Done:
+        def run(order: TaskOrder[BuildRequest], number: int = number) -> Done:
             return run_named_task(order, meter.step(number, order.name))
 
         for done in run_here(wanted, run, threads):

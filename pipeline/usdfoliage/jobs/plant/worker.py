@@ -1,10 +1,6 @@
-"""One task of a build, as every executor runs it: planned again from the files, done unless it is done, and stamped."""
+"""The tasks of a build, as every executor runs them: which stage does which, on what."""
 
-import logging
 import re
-import shutil
-import time
-import traceback
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,7 +9,7 @@ from usdfoliage.errors import CaptureError, FoliageError, WriteError
 from usdfoliage.jobs.plant.call import BuildRequest, Stage, StageCall, digest_profile, inputs_of
 from usdfoliage.jobs.plant.executors import Done, TaskOrder
 from usdfoliage.jobs.plant.inputs import BuildInputs
-from usdfoliage.jobs.plant.record import note_task, use_plant
+from usdfoliage.jobs.plant.one_task import PlannedWork, run_order
 from usdfoliage.jobs.plant.stages.assemble import assemble_asset
 from usdfoliage.jobs.plant.stages.capture import find_poses, finish_photographs, match_photographs
 from usdfoliage.jobs.plant.stages.cloud import make_cloud
@@ -22,18 +18,7 @@ from usdfoliage.jobs.plant.stages.part_asset import write_part_asset
 from usdfoliage.jobs.plant.stages.parts import find_leaves, make_crown, trace_branches
 from usdfoliage.jobs.plant.stages.report import compare_plant, report_plant, show_variants, turn_plant
 from usdfoliage.jobs.plant.stages.withheld import measure_plant
-from usdfoliage.jobs.plant.store import (
-    ResultFile,
-    Stamp,
-    Store,
-    drop_result,
-    fill_result,
-    find_finished,
-    list_files,
-    lock_task,
-    stamp_mark,
-    write_stamp,
-)
+from usdfoliage.jobs.plant.store import ResultFile, drop_result, fill_result, list_files
 from usdfoliage.jobs.plant.summary import SUMMARY, read_summary, rename_paths
 from usdfoliage.jobs.plant.tasks import (
     ASSET,
@@ -58,8 +43,6 @@ from usdfoliage.jobs.plant.tasks import (
 from usdfoliage.progress import StepProgress
 from usdfoliage.remarks import rename_in_remedy
 
-logger = logging.getLogger(__name__)
-
 STAGES: Mapping[str, Stage] = {
     POSES: find_poses,
     MATCHING: match_photographs,
@@ -78,33 +61,28 @@ STAGES: Mapping[str, Stage] = {
     REPORT: report_plant,
 }
 # These read many files of others, each of which is checked for damage as it is read.
-_READ_MANY = (MATCHING, DEPTH)
+_READ_MANY = frozenset((MATCHING, DEPTH))
 
 
-def run_named_task(order: TaskOrder, progress: StepProgress | None = None) -> Done:
+def run_named_task(order: TaskOrder[BuildRequest], progress: StepProgress | None = None) -> Done:
     """Do one task, unless another run has done it meanwhile.
 
     What goes wrong is returned, not raised: a farm's worker goes on with the next.
     """
-    try:
+
+    def prepare() -> PlannedWork:
         inputs, plan = _plan(order.request)
-        task = plan.tasks.get(order.name)
-        if task is None or task.key != order.key:
-            raise FoliageError(
-                f"{order.name} is planned otherwise here than where the build was started: {order.request.capture} "
-                "has changed meanwhile, or this worker has another version of usdfoliage, its libraries, validators or "
-                "preview interpreter"
-            )
-        note_task(order.request, plan, task)
-        with use_plant(order.request):
-            return _run(order, inputs, plan, task, progress)
-    except FoliageError as error:
-        return _explain(order, error)
-    except Exception:  # noqa: BLE001 (a farm must hear of any)
-        return Done(name=order.name, seconds=0.0, was_run=True, fault=traceback.format_exc())
+        return PlannedWork(
+            plan=plan,
+            fill=lambda task, scratch: _fill(order, inputs, plan, task, scratch, progress),
+            require_unchanged=lambda task: _require_unchanged(order.request, inputs, task),
+            reads_many=_READ_MANY,
+        )
+
+    return run_order(order, prepare, lambda error: _explain(order, error))
 
 
-def _explain(order: TaskOrder, error: FoliageError) -> Done:
+def _explain(order: TaskOrder[BuildRequest], error: FoliageError) -> Done:
     """The error with the files of the capture as the user has them.
 
     What could not be written is a file of the task itself, and the disk of the work folder the one to look at.
@@ -117,55 +95,13 @@ def _explain(order: TaskOrder, error: FoliageError) -> Done:
     return Done(name=order.name, seconds=0.0, was_run=True, error=text, remedy=remedy)
 
 
-def _run(order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, progress: StepProgress | None) -> Done:
-    store = order.request.store
-    with lock_task(store, task.key) as scratch:
-        finished = find_finished(store, task.key, thorough=True)
-        if finished is not None and not (finished.poor and stamp_mark(store, task.key) == order.poor_mark):
-            return Done(name=task.name, seconds=0.0, was_run=False)
-        marks = {need: stamp_mark(store, plan.tasks[need].key) for need in task.needs}
-        poor = False  # what is made of something poor is poor as well
-        for need in task.needs:
-            thorough = task.stage not in _READ_MANY
-            stamp = find_finished(store, plan.tasks[need].key, thorough=thorough)
-            if stamp is None:
-                return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
-            poor |= stamp.poor
-        start = time.perf_counter()
-        try:
-            files, is_poor = _fill(order, inputs, plan, task, scratch, progress)
-            seconds = time.perf_counter() - start
-        except Exception:
-            _require_unchanged(order.request, inputs, task)  # its message is more precise
-            if _lost_needs(store, plan, marks, sizes=True):
-                return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
-            raise
-        _require_unchanged(order.request, inputs, task)
-        if _lost_needs(store, plan, marks):
-            drop_result(store, task.key)
-            return Done(name=task.name, seconds=0.0, was_run=False, lost=True)
-        if stamp_mark(store, task.key):  # another run was faster, as without locks: its result stays
-            return Done(name=task.name, seconds=seconds, was_run=True)
-        write_stamp(
-            store,
-            Stamp(
-                key=task.key,
-                name=task.name,
-                stage=task.stage,
-                step=task.step,
-                seconds=seconds,
-                estimate_s=task.estimate_s,
-                files=files,
-                poor=poor or is_poor,
-            ),
-        )
-        shutil.rmtree(scratch, ignore_errors=True)
-    logger.info("%s: %.1f s", task.name, seconds)
-    return Done(name=task.name, seconds=seconds, was_run=True)
-
-
 def _fill(
-    order: TaskOrder, inputs: BuildInputs, plan: BuildPlan, task: Task, scratch: Path, progress: StepProgress | None
+    order: TaskOrder[BuildRequest],
+    inputs: BuildInputs,
+    plan: BuildPlan,
+    task: Task,
+    scratch: Path,
+    progress: StepProgress | None,
 ) -> tuple[tuple[ResultFile, ...], bool]:
     """Run the stage; returns the files of its result, and whether that is poor."""
     store = order.request.store
@@ -190,15 +126,6 @@ def _fill(
 def _plan(request: BuildRequest) -> tuple[BuildInputs, BuildPlan]:
     inputs = inputs_of(request, "memory")
     return inputs, plan_build(inputs, request.settings, request.name, request.only, digest_profile(request))
-
-
-def _lost_needs(store: Store, plan: BuildPlan, marks: Mapping[str, int], *, sizes: bool = False) -> bool:
-    """Whether what a task read is gone, or was made anew by another run, while it was read."""
-    keys = {need: plan.tasks[need].key for need in marks}
-    return any(
-        stamp_mark(store, keys[need]) != mark or (sizes and find_finished(store, keys[need], thorough=False) is None)
-        for need, mark in marks.items()
-    )
 
 
 def _require_unchanged(request: BuildRequest, inputs: BuildInputs, task: Task) -> None:
