@@ -63,6 +63,18 @@ def read_raster(path: Path, name: str, onto: Raster | None = None, *, classes: b
         ) from error
 
 
+def list_raster_files(path: Path) -> tuple[Path, ...]:
+    """The files that a raster is read from, as those that a VRT names; the raster alone where it cannot be read."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            with rasterio.open(path) as file:
+                named = [Path(each) for each in file.files]
+    except (OSError, RasterioError, ValueError, MemoryError):  # who reads it reports that
+        named = []
+    return (path, *(each for each in named if each.is_file() and not each.samefile(path)))
+
+
 def _read(
     file: rasterio.DatasetReader, path: Path, name: str, onto: Raster | None, resampling: Resampling
 ) -> RasterFile:

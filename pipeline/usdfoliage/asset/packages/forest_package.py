@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Kind, Sdf, Usd
+from pxr import Kind, Sdf, Usd, UsdUtils
 
 from usdfoliage.asset.layer import NO_TIMES
+from usdfoliage.asset.locate import log_diagnostics
 from usdfoliage.asset.materials.bark import BarkMaterial, author_bark_material
 from usdfoliage.asset.materials.grass import GRASS_SHADER, GrassMaterial, author_grass_material
 from usdfoliage.asset.materials.ground import GROUND_SHADER, GroundMaterial, author_ground_material
@@ -31,7 +32,6 @@ from usdfoliage.asset.parts.terrain import TerrainPrim, write_terrain_layer
 from usdfoliage.asset.plant import Plant, box_around
 from usdfoliage.asset.provenance import Provenance, needs_file, write_provenance_file
 from usdfoliage.asset.variants import VariantSet
-from usdfoliage.progress import Progress
 
 SKY_LAYER = f"{SKY}.usda"  # in the payload's folder
 LEVEL = "level"  # variant set: in which form all plants are drawn
@@ -67,13 +67,23 @@ class ForestTile:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ForestParts:
-    """What a forest's asset is written from. Paths in it are as seen from the folder of its layers, tile_folder."""
+class WrittenTile:
+    """A tile whose layers are written."""
 
-    tiles: Sequence[ForestTile]  # one without a name, or as many as there are
-    ground: GroundMaterial  # paths as seen from the payload's folder
-    grass: GrassMaterial | None = None  # likewise; None where no shot has grass
-    sky: SkyPrim | None = None  # likewise; None for no lights
+    name: str
+    extent_m: NDArray[np.float64]  # (2, 3)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ForestParts:
+    """What holds the tiles of a forest together. Paths in it are as seen from the payload's folder."""
+
+    tiles: Sequence[WrittenTile]  # one without a name, or as many as there are
+    levels: Sequence[str]  # variants of each tile: levels, of which the first is the default, and shots
+    times: Mapping[str, float]  # from the first to the last frame of all shots
+    ground: GroundMaterial
+    grass: GrassMaterial | None = None  # None where no shot has grass
+    sky: SkyPrim | None = None  # None for no lights
     asset_from_terrain: NDArray[np.float64]  # (4, 4), column vectors: easting, northing and height as the file has them
 
 
@@ -82,20 +92,49 @@ def tile_folder(payload: Path, tile: str) -> Path:
     return payload / TILES / tile if tile else payload
 
 
-def write_forest_asset(
-    folder: Path, name: str, forest: ForestParts, provenance: Provenance, progress: Progress | None = None
-) -> Path:
-    """Write a forest, inside publish_folder as write_crown_asset.
+def write_forest_tile(folder: Path, name: str, tile: ForestTile) -> WrittenTile:
+    """Write the layers of a tile, of which payload.usda brings the others; no other tile is needed.
+
+    Args:
+        folder: Of the asset.
+        name: Of the asset's root prim.
+        tile: Of the forest; paths in it are as seen from tile_folder.
+
+    Raises:
+        ValueError: name is no identifier.
+        WriteError: A file cannot be written.
+    """
+    root = tile.name or name
+    # Materials and plants may be elsewhere until the asset is in its place, and USD would print that.
+    diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
+    layers = tile_folder(begin_asset(folder, name).payload, tile.name)
+    layers.mkdir(parents=True, exist_ok=True)
+    write_terrain_layer(layers / "terrain.usdc", root, tile.terrain)
+    for level in tile.levels:
+        write_planted_layer(layers / f"plants_{level.name}.usdc", root, [level])
+    for shot in tile.shots:
+        write_planted_layer(layers / f"plants_{shot.name}.usdc", root, shot.levels, times_of([shot]))
+        if shot.grass is not None:
+            write_grass_layer(layers / f"grass_{shot.name}.usdc", root, shot.grass)
+    materials = f"../../{MATERIAL_LAYER}" if tile.name else f"./{MATERIAL_LAYER}"
+    shared = [materials, "./terrain.usdc"]
+    times = times_of(tile.shots)
+    write_payload_layer(layers / "payload.usda", root, shared, [_layers_of(tile)], times)
+    log_diagnostics(diagnostics)
+    return WrittenTile(name=tile.name, extent_m=tile.extent_m)
+
+
+def write_forest_asset(folder: Path, name: str, forest: ForestParts, provenance: Provenance) -> Path:
+    """Write what holds a forest's tiles together, inside publish_folder as write_crown_asset.
 
     Without tiles all is behind one payload; with tiles each is behind a payload of its own, and the root's variants
     choose those of all tiles.
 
     Args:
-        folder: An existing folder; pictures that the ground names are in it already.
+        folder: An existing folder; pictures that the ground names are in it already, and the layers of the tiles.
         name: Of the root prim and the interface layer, an identifier.
-        forest: What stands where.
+        forest: What there is.
         provenance: The run that made it.
-        progress: Called as tiles are written.
 
     Returns:
         The interface layer, folder/<name>.usda.
@@ -113,19 +152,14 @@ def write_forest_asset(
             copy_shaders(folder / "shaders", (GRASS_SHADER,))
         materials.append(partial(_author_grass, grass=forest.grass))
     write_materials_layer(place.payload / MATERIAL_LAYER, name, materials)
-    for number, tile in enumerate(forest.tiles):
-        _write_tile(tile_folder(place.payload, tile.name), tile, tile.name or name)
-        if progress is not None:
-            progress(number + 1, len(forest.tiles))
     besides = []
     if forest.sky is not None:
         write_sky_layer(place.payload / SKY_LAYER, name, forest.sky)
         besides.append(f"./payload/{SKY_LAYER}")
-    boxes_m = [tile.extent_m for tile in forest.tiles]
     plant = Plant(
         provenance=provenance,
         asset_from_capture=forest.asset_from_terrain,
-        extent_m=box_around(boxes_m),
+        extent_m=box_around([tile.extent_m for tile in forest.tiles]),
         relationships={},
         version="1",
         kind=Kind.Tokens.assembly,
@@ -133,42 +167,23 @@ def write_forest_asset(
     if needs_file(provenance):
         write_provenance_file(folder, provenance)
     interface = folder / f"{name}.usda"
-    first = forest.tiles[0]
     tiled = {
-        tile.name: TileEntry(layer=f"./payload/{TILES}/{tile.name}/payload.usda", extent_m=box_m)
-        for tile, box_m in zip(forest.tiles, boxes_m, strict=True)
+        tile.name: TileEntry(layer=f"./payload/{TILES}/{tile.name}/payload.usda", extent_m=tile.extent_m)
+        for tile in forest.tiles
         if tile.name
     }
     write_interface_layer(
-        interface, name, plant, [_levels_of(first)], times=_times_of(first.shots), tiles=tiled, besides=besides
+        interface, name, plant, [_variants_of(forest.levels)], times=forest.times, tiles=tiled, besides=besides
     )
     return interface
 
 
-def _write_tile(folder: Path, tile: ForestTile, name: str) -> None:
-    """The layers of a tile, of which payload.usda brings the others."""
-    folder.mkdir(parents=True, exist_ok=True)
-    write_terrain_layer(folder / "terrain.usdc", name, tile.terrain)
-    for level in tile.levels:
-        write_planted_layer(folder / f"plants_{level.name}.usdc", name, [level])
-    for shot in tile.shots:
-        write_planted_layer(folder / f"plants_{shot.name}.usdc", name, shot.levels, _times_of([shot]))
-        if shot.grass is not None:
-            write_grass_layer(folder / f"grass_{shot.name}.usdc", name, shot.grass)
-    materials = f"../../{MATERIAL_LAYER}" if tile.name else f"./{MATERIAL_LAYER}"
-    shared = [materials, "./terrain.usdc"]
-    write_payload_layer(folder / "payload.usda", name, shared, [_levels_of(tile)], _times_of(tile.shots))
+def names_of_levels(tile: ForestTile) -> tuple[str, ...]:
+    """The variants of a tile: its levels, then its shots."""
+    return (*(level.name for level in tile.levels), *(shot.name for shot in tile.shots))
 
 
-def _levels_of(tile: ForestTile) -> VariantSet:
-    layers = {level.name: [f"./plants_{level.name}.usdc"] for level in tile.levels}
-    for shot in tile.shots:
-        grass = [] if shot.grass is None else [f"./grass_{shot.name}.usdc"]
-        layers[shot.name] = [f"./plants_{shot.name}.usdc", *grass]
-    return VariantSet(name=LEVEL, variants=layers)
-
-
-def _times_of(shots: Sequence[PlantedShot]) -> Mapping[str, float]:
+def times_of(shots: Sequence[PlantedShot]) -> Mapping[str, float]:
     """Metadata of a layer: from the first to the last frame of all shots."""
     if not shots:
         return NO_TIMES
@@ -178,6 +193,18 @@ def _times_of(shots: Sequence[PlantedShot]) -> Mapping[str, float]:
         "timeCodesPerSecond": shots[0].time_codes_per_second,
         "framesPerSecond": shots[0].frames_per_second,
     }
+
+
+def _layers_of(tile: ForestTile) -> VariantSet:
+    layers = {level.name: [f"./plants_{level.name}.usdc"] for level in tile.levels}
+    for shot in tile.shots:
+        grass = [] if shot.grass is None else [f"./grass_{shot.name}.usdc"]
+        layers[shot.name] = [f"./plants_{shot.name}.usdc", *grass]
+    return VariantSet(name=LEVEL, variants=layers)
+
+
+def _variants_of(levels: Sequence[str]) -> VariantSet:
+    return VariantSet(name=LEVEL, variants={each: [f"./plants_{each}.usdc"] for each in levels})
 
 
 def _author_ground(stage: Usd.Stage, root: Sdf.Path, ground: GroundMaterial) -> None:

@@ -11,6 +11,7 @@ from pxr import Usd, UsdGeom
 
 from usdfoliage.asset.locate import find_interface, open_layer
 from usdfoliage.asset.look_layer import LOD
+from usdfoliage.asset.packages.contents import list_files
 from usdfoliage.asset.parts.crown import FORM, LEAVES
 from usdfoliage.asset.parts.crown_leaves import PlacedClusters, read_placed_clusters
 from usdfoliage.asset.plant import CROWN_HOLDER
@@ -149,6 +150,16 @@ def _extent(
         low, high = corners
         corners = np.array([[low[0], low[2], -high[1]], [high[0], high[2], -low[1]]])
     return corners
+
+
+def needed_files(layer: Path) -> tuple[Path, ...]:
+    """A layer and the files that it needs, in any variant; the layer alone where it cannot be read."""
+    try:
+        layers, others, _ = list_files(layer)
+    except AssetError:  # who reads it reports that
+        return (layer,)
+    named = [layer.absolute().parent / each.path for each in (*layers, *others)]
+    return (layer, *(each for each in named if each.is_file() and not each.samefile(layer)))
 
 
 def reference_path(layer: Path, from_folder: Path) -> str:

@@ -13,7 +13,7 @@ from usdfoliage.forest.sky import SkySettings
 from usdfoliage.forest.tree_tops import TreeTopSettings
 from usdfoliage.jobs.forest.grass import GrassRequest
 from usdfoliage.jobs.forest.inputs import ForestFiles
-from usdfoliage.jobs.forest.run import ForestRequest
+from usdfoliage.jobs.forest.request import ForestRequest
 from usdfoliage.jobs.forest.shots import ShotRequest
 
 

@@ -15,7 +15,7 @@ from usdfoliage.forest.planting import ForestInput
 from usdfoliage.forest.plants_file import TALLEST_M, PlantsFile, read_plants_file
 from usdfoliage.forest.raster import Raster, is_inside
 from usdfoliage.forest.raster_files import RasterFile, is_covered, read_raster
-from usdfoliage.forest.terrain import make_terrain
+from usdfoliage.forest.terrain import Terrain, make_terrain
 from usdfoliage.forest.tree_tops import LOWEST_M
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.remarks import Argument, Remark, remark
@@ -78,22 +78,7 @@ def read_forest(files: ForestFiles) -> ReadForest:
             ("give ", Argument(name="vegetation"), " or leave water_m out"),
         )
     remarks: list[Remark] = []
-    dem, highest = _read_dem(files, remarks)
-    height_unit = _height_unit(dem, files.dem, remarks)
-    if not dem.has_crs:
-        taken = "its easting, northing and heights are taken for metres"
-        if dem.metres_per_unit != 1.0:
-            taken = f"its unit is {dem.metres_per_unit:.4g} m"
-        text = f"{files.dem.name} states no coordinate system that is known; {taken}"
-        remarks.append(remark("terrain-without-crs", text))
-    heights = dem.raster.values
-    if heights.ndim == 3:
-        raise CaptureError(f"the DEM {files.dem} has {heights.shape[2]} bands", "give a raster of one band, of heights")
-    raster = Raster(values=heights * height_unit, ground_from_pixel=dem.raster.ground_from_pixel, crs=dem.raster.crs)
-    terrain = make_terrain(raster, f"the DEM {files.dem}")
-    if terrain.hole_share > 0:
-        text = f"{terrain.hole_share:.1%} of the DEM have no height: the ground is closed there, and nothing is planted"
-        remarks.append(remark("terrain-holes", text))
+    dem, terrain, height_unit, highest = _read_terrain(files, remarks)
     orthophoto = canopy = vegetation = None
     if files.orthophoto is not None:
         orthophoto = _read_orthophoto(files.orthophoto, terrain.heights, remarks)
@@ -126,6 +111,36 @@ def read_forest(files: ForestFiles) -> ReadForest:
         metres_per_height=height_unit,
         remarks=tuple(remarks),
     )
+
+
+def read_terrain(files: ForestFiles) -> Terrain:
+    """The ground alone, as read_forest reads it.
+
+    Raises:
+        CaptureError: Its file cannot be used.
+    """
+    return _read_terrain(files, [])[1]
+
+
+def _read_terrain(files: ForestFiles, remarks: list[Remark]) -> tuple[RasterFile, Terrain, float, Floats | None]:
+    """The file of the ground, what it holds, the metres of one unit of height, and of a cloud its highest points."""
+    dem, highest = _read_dem(files, remarks)
+    height_unit = _height_unit(dem, files.dem, remarks)
+    if not dem.has_crs:
+        taken = "its easting, northing and heights are taken for metres"
+        if dem.metres_per_unit != 1.0:
+            taken = f"its unit is {dem.metres_per_unit:.4g} m"
+        text = f"{files.dem.name} states no coordinate system that is known; {taken}"
+        remarks.append(remark("terrain-without-crs", text))
+    heights = dem.raster.values
+    if heights.ndim == 3:
+        raise CaptureError(f"the DEM {files.dem} has {heights.shape[2]} bands", "give a raster of one band, of heights")
+    raster = Raster(values=heights * height_unit, ground_from_pixel=dem.raster.ground_from_pixel, crs=dem.raster.crs)
+    terrain = make_terrain(raster, f"the DEM {files.dem}")
+    if terrain.hole_share > 0:
+        text = f"{terrain.hole_share:.1%} of the DEM have no height: the ground is closed there, and nothing is planted"
+        remarks.append(remark("terrain-holes", text))
+    return dem, terrain, height_unit, highest
 
 
 def _read_dem(files: ForestFiles, remarks: list[Remark]) -> tuple[RasterFile, Floats | None]:

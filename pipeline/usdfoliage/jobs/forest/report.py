@@ -39,6 +39,17 @@ EDGE_M = 2.0  # from the south edge of the ground to the camera at eye height
 BARS = 24
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ForestPicture:
+    """A picture of the forest that is to be drawn."""
+
+    title: str
+    file: str  # in the report's folder
+    pinhole: Pinhole | None  # None: from above
+    shot: str = ""  # variant that is drawn; empty for the default
+    frame: float | None = None  # time code
+
+
 @dataclass(frozen=True, kw_only=True)
 class ForestReport:
     """What the page of a forest has."""
@@ -47,75 +58,84 @@ class ForestReport:
     dem: str
     generator: str
     rows: Sequence[Row]
+    legend: Sequence[Row]  # colours of species in the map
+    histograms: Sequence[Histogram]
     settings: Mapping[str, str]
     remarks: Sequence[Remark]
     render_setting: RenderSetting
     seconds: Mapping[str, float]
 
 
+def list_pictures(terrain: TerrainPrim) -> tuple[ForestPicture, ...]:
+    """Of the forest from four sides, from above, and from eye height."""
+    return (
+        *(
+            ForestPicture(title=title, file=file, pinhole=_camera_beside(terrain, np.radians(azimuth)))
+            for (title, _, file), azimuth in zip(SIDES, (0, 90, 180, 270), strict=True)
+        ),
+        ForestPicture(title="From above", file="preview_top.png", pinhole=None),
+        ForestPicture(title="At eye height", file="preview_eye.png", pinhole=_camera_at_eye(terrain)),
+    )
+
+
+def list_shot_pictures(shots: Sequence[PlannedShot]) -> tuple[ForestPicture, ...]:
+    """Of shots, from their cameras, at their first, middle and last frame."""
+    listed = []
+    for shot in shots:
+        frames = shot.camera.path.frame
+        for number in sorted({0, len(frames) // 2, len(frames) - 1}):
+            listed.append(
+                ForestPicture(
+                    title=f"{shot.planted.name}, frame {frames[number]:g}",
+                    file=f"{shot.planted.name}_{frames[number]:g}.png",
+                    pinhole=pinhole_of(shot.camera.path, number, SHOT_PX),
+                    shot=shot.planted.name,
+                    frame=float(frames[number]),
+                )
+            )
+    return tuple(listed)
+
+
 def draw_forest(
     interface: Path | None,
     folder: Path,
-    terrain: TerrainPrim,
+    pictures: Sequence[ForestPicture],
     remarks: list[Remark],
     progress: StepProgress | None = None,
 ) -> tuple[ReportView, ...]:
-    """Pictures of the forest from four sides, from above, and from eye height; none where Storm cannot draw.
+    """Draw the pictures of a forest; none where Storm cannot draw.
 
     Args:
         interface: The asset; None for no pictures.
         folder: Of the report.
-        terrain: The ground, which the cameras stand on.
+        pictures: Which.
         remarks: Gets one where there are no pictures.
         progress: Called at each picture.
     """
     if interface is None:
         return ()
-    views = [
-        *(
-            PreviewView(output=folder / file, pinhole=_camera_beside(terrain, np.radians(azimuth)))
-            for (_, _, file), azimuth in zip(SIDES, (0, 90, 180, 270), strict=True)
-        ),
-        PreviewView(output=folder / "preview_top.png", direction="top"),
-        PreviewView(output=folder / "preview_eye.png", pinhole=_camera_at_eye(terrain)),
-    ]
-    titles = [
-        *((title, file) for title, _, file in SIDES),
-        ("From above", "preview_top.png"),
-        ("At eye height", "preview_eye.png"),
+    of_default = [
+        PreviewView(output=folder / each.file, pinhole=each.pinhole)
+        if each.pinhole is not None
+        else PreviewView(output=folder / each.file, direction="top")
+        for each in pictures
+        if not each.shot
     ]
     settings = PreviewSettings(width_px=960, height_px=640, purposes=("default", "render", "proxy"))
     try:
-        render_views(interface, views, settings, progress_in_step("preview", progress))
+        render_views(interface, of_default, settings, progress_in_step("preview", progress))
     except PreviewError as error:
         remarks.append(remark_missing_pictures(error))
         return ()
-    return tuple(ReportView(name=title, file=file) for title, file in titles)
-
-
-def draw_shots(
-    interface: Path, folder: Path, shots: Sequence[PlannedShot], progress: StepProgress | None = None
-) -> tuple[ReportView, ...]:
-    """Pictures of shots, from their cameras, at their first, middle and last frame.
-
-    Raises:
-        PreviewError: Storm cannot draw.
-    """
-    views, drawn = [], []
-    for shot in shots:
-        frames = shot.camera.path.frame
-        for number in sorted({0, len(frames) // 2, len(frames) - 1}):
-            file = f"{shot.planted.name}_{frames[number]:g}.png"
-            pinhole = pinhole_of(shot.camera.path, number, SHOT_PX)
-            variants = ((LEVEL, shot.planted.name),)
-            views.append(
-                PreviewView(output=folder / file, pinhole=pinhole, variants=variants, frame=float(frames[number]))
-            )
-            drawn.append(ReportView(name=f"{shot.planted.name}, frame {frames[number]:g}", file=file))
-    if views:
+    of_shots = [
+        PreviewView(output=folder / each.file, pinhole=each.pinhole, variants=((LEVEL, each.shot),), frame=each.frame)
+        for each in pictures
+        if each.shot
+    ]
+    if of_shots:
         settings = PreviewSettings(purposes=("default", "render", "proxy"))
-        render_views(interface, views, settings, progress_in_step("preview", progress))
-    return tuple(drawn)
+        render_views(interface, of_shots, settings, progress_in_step("preview", progress))
+    return tuple(ReportView(name=each.title, file=each.file) for each in pictures)
 
 
 def pinhole_of(path: CameraPath, number: int, width_px: int) -> Pinhole:
@@ -132,21 +152,31 @@ def pinhole_of(path: CameraPath, number: int, width_px: int) -> Pinhole:
     )
 
 
-def write_forest_report(
-    folder: Path, report: ForestReport, given: ForestInput, planting: Planting, drawn: Sequence[ReportView]
-) -> Path:
-    """Write index.html and its map into folder, which holds the pictures of drawn; returns the page."""
+def write_forest_map(folder: Path, given: ForestInput, planting: Planting) -> tuple[Row, ...]:
+    """Write map.jpg into the report's folder; returns the colours of the species in it.
+
+    Raises:
+        WriteError: It cannot be written.
+    """
     colors = leaf_palette(len(given.plants.rows))
     write_picture(folder / "map.jpg", draw_map(given, planting, colors))
-    heights = [int(count) for count in np.histogram(planting.height_m, BARS)[0]] if len(planting) else []
-    histograms = []
-    if heights:
-        low, high = float(planting.height_m.min()), float(planting.height_m.max())
-        histograms = [Histogram(title="Heights", low=f"{low:.1f} m", high=f"{high:.1f} m", heights=heights)]
-    legend = [
+    return tuple(
         Row(name=row.species, value="#{:02x}{:02x}{:02x}".format(*color.tolist()))
         for row, color in zip(given.plants.rows, colors, strict=True)
-    ]
+    )
+
+
+def count_heights(planting: Planting) -> tuple[Histogram, ...]:
+    """How many plants have which height; nothing of no plants."""
+    if not len(planting):
+        return ()
+    heights = [int(count) for count in np.histogram(planting.height_m, BARS)[0]]
+    low, high = float(planting.height_m.min()), float(planting.height_m.max())
+    return (Histogram(title="Heights", low=f"{low:.1f} m", high=f"{high:.1f} m", heights=heights),)
+
+
+def write_forest_report(folder: Path, report: ForestReport, drawn: Sequence[ReportView]) -> Path:
+    """Write index.html into folder, which holds map.jpg and the pictures of drawn; returns the page."""
     page = render_template(
         "forest_report.html",
         name=report.name,
@@ -155,8 +185,8 @@ def write_forest_report(
         notes=list_sentences(report.remarks, report.render_setting),
         views=drawn,
         measures=report.rows,
-        legend=legend,
-        histograms=histograms,
+        legend=report.legend,
+        histograms=report.histograms,
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
     )
     index = folder / "index.html"
@@ -179,9 +209,10 @@ def draw_map(given: ForestInput, planting: Planting, colors: NDArray[np.uint8]) 
     picture = np.rint(np.clip(np.asarray(encode_srgb(shrunk)), 0, 1) * 255).astype(np.uint8)
     pixels = to_pixels(base, planting.ground_m) * factor
     radius_px = planting.radius_m / base.cell_m * factor
+    colors_of_rows = [tuple(color) for color in colors.tolist()]
     for (x, y), radius, row in zip(pixels.tolist(), radius_px.tolist(), planting.row.tolist(), strict=True):
-        color = tuple(int(each) for each in colors[row])
-        cv2.circle(picture, (round(8 * x), round(8 * y)), max(8, round(8 * radius)), color, 1, cv2.LINE_AA, 3)
+        center = (round(8 * x), round(8 * y))
+        cv2.circle(picture, center, max(8, round(8 * radius)), colors_of_rows[row], 1, cv2.LINE_AA, 3)
     return picture[::-1] if np.linalg.det(base.ground_from_pixel[:, :2]) > 0 else picture  # rows that go north
 
 
