@@ -90,6 +90,7 @@ def commands() -> dict[str, dict[str, Any]]:
     }
     of_batch = made(**plant, name=TEXT, capture=TEXT)
     step = keys({"step": TEXT, "chunks": COUNT, "needs": listed(TEXT), "estimate_s": NUMBER})
+    steps = keys({"steps": listed(step)})
     counts = dict.fromkeys(("errors", "warnings", "accepted"), COUNT)
     validated = {
         "asset": TEXT,
@@ -106,13 +107,13 @@ def commands() -> dict[str, dict[str, Any]]:
         "build": made(**plant),
         "capture": made(cloud=TEXT, seconds=SECONDS),
         "crown": made(),
-        "forest": made(),
+        "forest": {"anyOf": [made(), steps]},
         "edit": made(changes=listed(schema_of(Change))),
         "export": made(profile={"enum": list(PROFILES)}),
         "info": {"anyOf": [schema_of(AssetInfo), schema_of(PlainLook)]},
         "leaves": made(withheld=figures),
         "scatter": made(),
-        "task": keys({"steps": listed(step)}),
+        "task": steps,
         "validate": keys(validated),
     }
 

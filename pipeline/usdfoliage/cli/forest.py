@@ -14,13 +14,23 @@ The forest references the assets of its plants, and opens wherever these are.
 
 With --camera the variant level=shot010 has what that camera sees, each plant in the form that its distance asks
 for at each frame.
+
+    usdfoliage forest dem.tif --plants plants.toml --canopy canopy.tif --tile 500 -o forests/valley --jobs 4
+    usdfoliage forest dem.tif --plants plants.toml --canopy canopy.tif --tile 500 -o forests/valley --bundle valley_job
+
+With --jobs, --scheduler, --work or --step the forest is made of tasks: the step planting plants all of it, a chunk of
+the step tiles writes each tile, and the step publish writes the asset. The results of tasks are kept, so the same
+command continues a run that was stopped. With --template or --bundle only a job for a render farm is written.
 """
 
 import argparse
+import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.options.access import given
+from usdfoliage.cli.options.build import add_job, add_machines, add_openjd, add_step, add_where, add_work
 from usdfoliage.cli.options.leaf_commands import (
     add_no_preview,
     add_output,
@@ -28,7 +38,13 @@ from usdfoliage.cli.options.leaf_commands import (
     add_seed,
     add_writing,
 )
+from usdfoliage.cli.steps import LIST, PLAN, PUBLISH, print_steps, report_step, require_no_chunk, run_chunks
 from usdfoliage.files.write_gate import Access
+
+if TYPE_CHECKING:
+    from usdfoliage.cli.openjd_lines import OpenjdLines
+    from usdfoliage.jobs.forest.request import ForestRequest
+    from usdfoliage.jobs.forest.run import WrittenForest
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from usdfoliage.forest.planting import PlantingSettings
     from usdfoliage.forest.shots import ShotSettings
     from usdfoliage.forest.tree_tops import TreeTopSettings
-    from usdfoliage.jobs.forest.run import ForestRequest
+    from usdfoliage.jobs.forest.request import ForestRequest
 
     files = parser.add_argument_group("input and output")
     files.add_argument(
@@ -212,6 +228,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="A shot has at most so many clumps of blades. Where there would be more, they end nearer to the camera; "
         "the default is %(default)s.",
     )
+    tasks = parser.add_argument_group("of tasks, on this machine or a farm")
+    add_where(tasks, has_threads=False)
+    add_work(tasks)
+    add_step(tasks, required=False)
+    add_openjd(tasks)
+    farm = parser.add_argument_group("a job for a render farm")
+    add_job(farm)
+    add_machines(farm)
     run_options = parser.add_argument_group("this run")
     add_seed(run_options, PlantingSettings.seed, 31)
     add_no_preview(run_options)
@@ -221,28 +245,141 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def declare(options: argparse.Namespace) -> Access:
+    from usdfoliage.cli.options.forest_tasks import is_job, is_of_tasks
+    from usdfoliage.cli.submit import declare_job
+    from usdfoliage.jobs.plant.work_folder import find_work_folder
+
     reads = given(options.dem, options.plants, options.orthophoto, options.canopy, options.vegetation, options.trunks)
-    return Access(reads=(*reads, *options.camera), replaces=(options.output,))
+    reads += tuple(options.camera)
+    if is_job(options):
+        return declare_job(options, reads)
+    fills = (find_work_folder(options.work, options.output),) if is_of_tasks(options) else ()
+    return Access(reads=reads, replaces=(options.output,), fills=fills)
 
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
-    from usdfoliage.cli.json_output import format_made
     from usdfoliage.cli.options.forest import read_forest_request
+    from usdfoliage.cli.options.forest_tasks import check_task_options, is_job, is_of_tasks
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.cli.remarks import print_remarks
     from usdfoliage.jobs.forest.run import make_forest_asset, plan_forest_asset
 
-    handle_interrupts()
+    check_task_options(options)
     request = read_forest_request(options)
     if options.dry_run:
+        handle_interrupts()
         print(plan_forest_asset(request))
         return 0
+    if is_job(options):
+        return _write_job(request, options)
+    if options.step is not None:
+        return _run_step(request, options)
+    if is_of_tasks(options):
+        return _run_tasks(request, options)
+    handle_interrupts()
     with StepBar() as bar:
         made = make_forest_asset(request, bar.show)
-    if options.json:
+    _print_made(made, as_json=options.json)
+    return 0
+
+
+def _run_tasks(request: "ForestRequest", options: argparse.Namespace) -> int:
+    from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.options.build import read_where
+    from usdfoliage.cli.plant_results import report_fault
+    from usdfoliage.cli.progress import StepBar
+    from usdfoliage.jobs.forest_tasks.build import build_of
+    from usdfoliage.jobs.forest_tasks.run import InternalFault, build_forest
+    from usdfoliage.jobs.plant.work_folder import find_work_folder
+
+    where = read_where(options)
+    build = build_of(request, find_work_folder(options.work, options.output))
+    handle_interrupts()
+    try:
+        with StepBar() as bar:
+            made = build_forest(build, where, request.render_setting, bar.show)
+    except InternalFault as fault:
+        print(report_fault(str(fault), f"a task of {request.name}", debug=options.debug), file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("error: interrupted; the same command goes on from here", file=sys.stderr)
+        return 130
+    _print_made(made, as_json=options.json)
+    return 0
+
+
+def _run_step(request: "ForestRequest", options: argparse.Namespace) -> int:
+    def run_step(lines: "OpenjdLines") -> int:
+        from usdfoliage.cli.interrupts import handle_interrupts
+        from usdfoliage.jobs.forest_tasks import run as forest_run
+        from usdfoliage.jobs.forest_tasks.build import build_of
+        from usdfoliage.jobs.plant.work_folder import find_work_folder
+
+        build = build_of(request, find_work_folder(options.work, options.output))
+        handle_interrupts()
+        require_no_chunk(options)
+        if options.step == LIST:
+            print_steps(forest_run.find_steps(build), as_json=options.json)
+            return 0
+        lines.begin(f"{request.name}: {options.step}")
+        if options.step == PLAN:
+            print_steps(forest_run.plan_step(build), as_json=options.json)
+            lines.progress(1.0)
+            return 0
+        if options.step == PUBLISH:
+            made = forest_run.publish_forest(build, request.render_setting)
+            _print_made(made, as_json=options.json)
+            lines.progress(1.0)
+            return 0
+        asked, of = options.chunk or (options.chunks, None)
+        chunks = forest_run.find_chunks(build, options.step, asked, of)
+        return run_chunks(chunks, forest_run.run_chunk, lines, debug=options.debug)
+
+    return report_step(options, run_step)
+
+
+def _write_job(request: "ForestRequest", options: argparse.Namespace) -> int:
+    from usdfoliage.cli.options.forest_tasks import FLAGS, SWITCHES, given_flags, list_parameters
+    from usdfoliage.cli.submit import write_farm_job
+    from usdfoliage.errors import FoliageError
+    from usdfoliage.jobs.forest_tasks.build import build_of
+    from usdfoliage.jobs.forest_tasks.run import find_steps
+    from usdfoliage.jobs.forest_tasks.tasks import PLANTING
+    from usdfoliage.jobs.plant.farm_job import FarmJob
+    from usdfoliage.jobs.plant.work_folder import find_work_folder
+
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    work = find_work_folder(options.work, options.output)
+    steps = find_steps(build_of(request, work))
+    try:
+        job = FarmJob(
+            name=request.name,
+            steps=steps,
+            parameters=list_parameters(options, parser, request.name, work),
+            flags=given_flags(options, FLAGS),
+            switches=given_flags(options, SWITCHES),
+            what="forest",
+            command="forest",
+            heavy=(PLANTING,),
+            executable=options.executable,
+            cores=options.cores,
+            memory_mib=options.memory_mib,
+            is_chunked=not options.no_chunking,
+        )
+    except ValueError as error:
+        raise FoliageError(f"--{error}") from error
+    write_farm_job(job, options)
+    return 0
+
+
+def _print_made(made: "WrittenForest", *, as_json: bool) -> None:
+    from usdfoliage.cli.json_output import format_made
+    from usdfoliage.cli.remarks import print_remarks
+
+    if as_json:
         print(format_made(asset=made.asset, report=made.report, facts=made.rows, remarks=made.remarks))
-        return 0
+        return
     print_remarks(made.remarks, "forest")
     for row in made.rows:
         print(f"{row.name}: {row.value}{f' ({row.remark})' if row.remark else ''}")
@@ -250,4 +387,3 @@ def run(options: argparse.Namespace) -> int:
     if made.preview:
         print(f"preview: {made.preview}")
     print(f"report: {made.report}")
-    return 0
