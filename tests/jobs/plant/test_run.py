@@ -218,6 +218,7 @@ def test_two_tasks_that_fail_at_once_end_their_plant_once(given, tmp_path, monke
     from contextlib import contextmanager
 
     from usdfoliage.jobs.plant import run as runs
+    from usdfoliage.jobs.plant import workers
     from usdfoliage.jobs.plant.executors import Workers
 
     @contextmanager
@@ -225,7 +226,7 @@ def test_two_tasks_that_fail_at_once_end_their_plant_once(given, tmp_path, monke
         yield Workers(open_executor=lambda: ThreadPoolExecutor(jobs), count=lambda: jobs)
 
     monkeypatch.setattr(runs, "run_named_task", fail)
-    monkeypatch.setattr(runs, "open_processes", open_threads)
+    monkeypatch.setattr(workers, "open_processes", open_threads)
     ended = list(build_plants([request_of(given, tmp_path)], ExecutorChoice(jobs=2)))
     assert len(ended) == 1
     assert "cannot be" in ended[0][1].explain(as_plan_setting)
