@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from usdfoliage.asset.materials.ground import GroundMaterial
 from usdfoliage.asset.packages.forest_package import ForestTile, PlantedShot
+from usdfoliage.asset.parts.crown_leaves import OtherLeaves
 from usdfoliage.asset.parts.grass import GrassPrim
 from usdfoliage.asset.parts.planted import ForestPrototype, HiddenPlants, PlantedLevel
 from usdfoliage.asset.parts.terrain import TerrainPrim
 from usdfoliage.asset.provenance import Provenance
+from usdfoliage.crown.leafy_crown import LeafCluster
 from usdfoliage.files.json import read_json
 from usdfoliage.files.npz import read_arrays, reading_model, write_model
 from usdfoliage.forest.grass_clump import GrassClump
@@ -169,7 +171,11 @@ def _describe_level(level: PlantedLevel) -> dict[str, object]:
         "orthophoto": level.orthophoto,
         "orthophoto_bounds_m": list(level.orthophoto_bounds_m),
         "prototypes": [
-            {**asdict(replace(each, selections=dict(each.selections))), "extent_m": each.extent_m.tolist()}
+            {
+                **asdict(replace(each, selections=dict(each.selections), leaves=None)),
+                "extent_m": each.extent_m.tolist(),
+                "leaves": _describe_leaves(each.leaves),
+            }
             for each in level.prototypes
         ],
     }
@@ -194,8 +200,37 @@ def _read_prototype(stored: Mapping[str, Any]) -> ForestPrototype:
         "scale_range": tuple(stored["scale_range"]),
         "trunk_m": None if trunk_m is None else tuple(trunk_m),
         "extent_m": np.array(stored["extent_m"], np.float64).reshape(2, 3),
+        "leaves": _read_leaves(stored["leaves"]),
     }
     return ForestPrototype(**{**stored, **made})
+
+
+def _describe_leaves(leaves: OtherLeaves | None) -> dict[str, object] | None:
+    if leaves is None:
+        return None
+    return {
+        "leaf_map": leaves.leaf_map,
+        "brightness": leaves.brightness,
+        "clusters": [
+            {each.name: getattr(form, each.name).tolist() for each in fields(form)} for form in leaves.clusters
+        ],
+        "extent": leaves.extent.tolist(),
+    }
+
+
+def _read_leaves(stored: Mapping[str, Any] | None) -> OtherLeaves | None:
+    if stored is None:
+        return None
+    clusters = [
+        LeafCluster(**{name: np.array(values, np.float64) for name, values in form.items()})
+        for form in stored["clusters"]
+    ]
+    return OtherLeaves(
+        leaf_map=stored["leaf_map"],
+        brightness=stored["brightness"],
+        clusters=tuple(clusters),
+        extent=np.array(stored["extent"], np.float64).reshape(2, 3),
+    )
 
 
 def _describe_shot(shot: PlantedShot) -> dict[str, object]:

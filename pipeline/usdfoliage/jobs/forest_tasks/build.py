@@ -17,6 +17,7 @@ from usdfoliage.jobs.plant.input_digests import DigestBy, digest_inputs
 from usdfoliage.jobs.plant.store import Store
 from usdfoliage.remarks import as_plan_setting
 
+_USD = (".usd", ".usda", ".usdc", ".usdz")
 _RASTERS = ("dem", "orthophoto", "canopy", "vegetation")
 
 
@@ -81,7 +82,11 @@ def _list_files(build: ForestBuild) -> Iterator[tuple[str, Path]]:
     for number, shot in enumerate(request.shots.files):
         for file in needed_files(shot) if shot.is_file() else (shot,):
             yield f"camera_{number + 1}/{os.path.relpath(file, shot.parent)}", file
-    for asset in dict.fromkeys(row.asset for row in read_plants_file(request.files.plants).rows):
+    rows = read_plants_file(request.files.plants).rows
+    for asset in dict.fromkeys(each for row in rows for each in (row.asset, row.leaf) if each is not None):
+        if asset.is_file() and asset.suffix.lower() not in _USD:  # a picture of a leaf
+            yield f"leaves/{reference_path(asset, build.output)}", asset
+            continue
         try:
             layer = find_interface(asset)
         except AssetError:  # the task that measures it names the row
