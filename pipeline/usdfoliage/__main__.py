@@ -33,6 +33,7 @@ COMMANDS = (
     "capture",
     "branches",
     "crown",
+    "sketch",
     "leaves",
     "scatter",
     "forest",

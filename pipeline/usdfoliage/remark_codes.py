@@ -1093,6 +1093,21 @@ SECTIONS: tuple[RemarkSection, ...] = (
         },
     ),
     RemarkSection(
+        title="Trees out of one photograph",
+        kinds={
+            "strokes-proposed": RemarkKind(
+                severity="info",
+                meaning="No strokes are given. They are proposed, with how confident the proposal is.",
+                action="Look at them in the report. Correct strokes.json in the asset's folder, and give it.",
+            ),
+            "tree-without-leaves": RemarkKind(
+                severity="info",
+                meaning="The photograph shows twigs inside of the crown's stroke, and no leaves.",
+                action="Ask for leaves if the tree shall have some.",
+            ),
+        },
+    ),
+    RemarkSection(
         title="Looks and bakes",
         kinds={
             "jitter-map-without-jitter": RemarkKind(

@@ -38,7 +38,7 @@ from usdfoliage.cli.options.leaf_commands import (
     add_seed,
     add_writing,
 )
-from usdfoliage.cli.steps import LIST, PLAN, PUBLISH, print_steps, report_step, require_no_chunk, run_chunks
+from usdfoliage.cli.options.steps import LIST, PLAN, PUBLISH, print_steps, report_step, require_no_chunk, run_chunks
 from usdfoliage.files.write_gate import Access
 
 if TYPE_CHECKING:

@@ -69,6 +69,16 @@ COMMANDS: Mapping[str, CommandOptions] = {
         values={"capture.toml:metres_per_unit": _UNITS},
         arguments={"mask": "--mask"},
     ),
+    "sketch": CommandOptions(
+        options={
+            "capture.toml:color_space": "--color-space",
+            "foliage.leaf_length_m": "--leaf-length",
+            "foliage.max_leaves": "--most-leaves",
+            "plant.species": "--species",
+            "seed": "--seed",
+        },
+        arguments={"mask": "--mask", "species_file": "--species-file", "strokes": "--strokes"},
+    ),
     "forest": CommandOptions(
         options={},
         arguments={

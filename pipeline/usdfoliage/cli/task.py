@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from usdfoliage.cli.options.access import declare_build
 from usdfoliage.cli.options.build import add_openjd, add_plan, add_publishing, add_step, add_work
 from usdfoliage.cli.options.leaf_commands import add_output, add_threads
-from usdfoliage.cli.steps import LIST, PLAN, PUBLISH, print_steps, report_step, require_no_chunk, run_chunks
+from usdfoliage.cli.options.steps import LIST, PLAN, PUBLISH, print_steps, report_step, require_no_chunk, run_chunks
 from usdfoliage.files.write_gate import Access
 
 if TYPE_CHECKING:

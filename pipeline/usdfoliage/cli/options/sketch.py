@@ -1,0 +1,63 @@
+"""What the options of usdfoliage sketch set, checked."""
+
+import argparse
+import math
+
+from usdfoliage.asset.plant import asset_name
+from usdfoliage.branch.foliage.species import GENERIC, load_species
+from usdfoliage.cli.remarks import render_for
+from usdfoliage.errors import FoliageError
+from usdfoliage.jobs.sketch.model import SketchModelSettings
+from usdfoliage.jobs.sketch.run import SketchRequest
+from usdfoliage.sketch.reconstruct import SketchSettings
+from usdfoliage.sketch.strokes import strokes_beside
+
+_LEAVES = {"auto": None, "on": True, "off": False}
+MAX_LEAVES = 1_000_000
+
+
+def read_sketch_request(options: argparse.Namespace) -> SketchRequest:
+    """The request that a command line makes; FoliageError for values that cannot be."""
+    if options.species_file is not None and not options.species:
+        raise FoliageError("--species-file holds species", "name with --species which one is meant")
+    if not 1 <= options.max_leaves <= MAX_LEAVES:
+        raise FoliageError(f"--most-leaves must be 1 to {MAX_LEAVES:,}, not {options.max_leaves}")
+    length_m = options.leaf_length
+    if length_m is not None and not (math.isfinite(length_m) and 0 < length_m <= 10):
+        raise FoliageError(f"--leaf-length must be above 0 and at most 10 metres, not {length_m:g}")
+    tape = options.tape
+    if tape is not None and not (all(map(math.isfinite, tape)) and tape[4] > 0 and tape[:2] != tape[2:4]):
+        raise FoliageError("--tape must be two places of the photograph, and the metres between them, above 0")
+    try:
+        tree = SketchSettings(
+            height_m=SketchSettings.height_m if options.height is None else options.height,
+            depth=options.depth,
+            seed=options.seed,
+        )
+    except ValueError as error:
+        raise FoliageError(str(error)) from error
+    beside = strokes_beside(options.photo)
+    strokes = options.strokes or (beside if beside.is_file() else None)
+    return SketchRequest(
+        photo=options.photo,
+        strokes=strokes,
+        mask=options.mask,
+        output=options.output,
+        name=asset_name(options.name or options.output.resolve().name),
+        tape_m=None if tape is None else tuple(tape),
+        color_space=options.color_space,
+        species=options.species,
+        settings=SketchModelSettings(
+            tree=tree,
+            species=load_species(options.species or GENERIC, options.species_file),
+            leaf_length_m=length_m,
+            max_leaves=options.max_leaves,
+            has_leaves=_LEAVES[options.leaves],
+            has_crown=not options.no_crown,
+        ),
+        force=options.force,
+        keep_old=options.keep_old,
+        preview=not options.no_preview,
+        times=not options.reproducible,
+        render_setting=render_for("sketch"),
+    )

@@ -1,0 +1,1 @@
+"""The job of a tree out of one photograph."""

@@ -1,0 +1,190 @@
+"""From a photograph in memory to all that a tree's asset is written from."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.asset.parts.branch_part import BranchAssetSettings, PlantBranches
+from usdfoliage.asset.parts.branches import SkeletonPrim
+from usdfoliage.asset.parts.leaf_part import BranchLeaves
+from usdfoliage.branch.foliage.species import GENERIC, Species, load_species
+from usdfoliage.crown.model import CrownModel
+from usdfoliage.errors import FitError
+from usdfoliage.geometry.color import decode_srgb, encode_srgb
+from usdfoliage.geometry.directions import unit_vectors
+from usdfoliage.jobs.branches.foliage import TEMPLATE, FoliageRequest, GrownLeaves, grow_leaves
+from usdfoliage.jobs.branches.surfaces import build_surfaces
+from usdfoliage.jobs.crown.photograph import CrownSettings, reconstruct_crown
+from usdfoliage.leaf.model import LeafOrigin
+from usdfoliage.progress import StepProgress, follow_step
+from usdfoliage.remarks import Remark, remark
+from usdfoliage.sketch.leaf_choice import fit_leaves
+from usdfoliage.sketch.reconstruct import SketchedTree, SketchSettings, sketch_tree
+from usdfoliage.sketch.strokes import TreeStrokes
+
+Floats = NDArray[np.float64]
+
+CROWN_SIZE = 128  # texels a side of its cubemaps
+_BARK_PX = 20  # pixels of a stem, of which its colour is known
+
+
+@dataclass(frozen=True, kw_only=True)
+class SketchModelSettings:
+    """Everything that decides what a photograph becomes."""
+
+    tree: SketchSettings = field(default_factory=SketchSettings)
+    species: Species = field(default_factory=lambda: load_species(GENERIC))
+    leaf_length_m: float | None = None  # None: that of the species
+    max_leaves: int = 20_000
+    has_leaves: bool | None = None  # None: where the photograph shows any
+    has_crown: bool = True
+    max_faces: int = 200_000  # of the surface of branches
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SketchModel:
+    """A tree of a photograph, ready to be written."""
+
+    tree: SketchedTree
+    branches: PlantBranches
+    leaves: GrownLeaves | None
+    foliage: BranchLeaves | None
+    crown: CrownModel | None
+    remarks: tuple[Remark, ...]
+
+
+def to_display(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """(H, W, 3) a linear photograph as sRGB, 0 to 255."""
+    return np.asarray(np.rint(255 * encode_srgb(np.clip(linear, 0, 1))), np.uint8)
+
+
+def model_tree(
+    linear: NDArray[np.float32],
+    strokes: TreeStrokes,
+    settings: SketchModelSettings,
+    seconds: dict[str, float],
+    progress: StepProgress | None = None,
+) -> SketchModel:
+    """Make a tree of a photograph.
+
+    Args:
+        linear: (H, W, 3), the photograph, linear Rec.709.
+        strokes: Over one tree.
+        settings: How.
+        seconds: What each step took is added.
+        progress: Called at each step.
+
+    Raises:
+        FoliageError: The strokes hold no tree.
+    """
+    srgb = to_display(linear)
+    with follow_step("tree", seconds, progress) as advance:
+        tree = sketch_tree(srgb, strokes, settings.species, settings.tree, report=advance)
+    with follow_step("surface", seconds, progress):
+        made = build_surfaces(tree.skeleton, settings.max_faces)
+    remarks = list(made.remarks)
+    bark = _bark_color(srgb, strokes, tree)
+    branches = PlantBranches(
+        skeleton=SkeletonPrim(
+            skeleton=made.skeleton,
+            growth={
+                "rootDiameter": float(2 * made.skeleton.radius_m[0]),
+                "internodeLength": settings.species.internode_m,
+                "allometryExponent": settings.species.exponent,
+            },
+        ),
+        surfaces=made.surfaces,
+        settings=BranchAssetSettings() if bark is None else BranchAssetSettings(color=bark),
+    )
+    leaves = None
+    foliage = None
+    has_leaves = not tree.foliage.is_bare if settings.has_leaves is None else settings.has_leaves
+    if has_leaves:
+        with follow_step("leaves", seconds, progress):
+            leaves = _grow_leaves(tree, branches, settings)
+            foliage = _leaves_of_picture(tree, leaves, linear, settings)
+            remarks += leaves.remarks
+    elif settings.has_leaves is None:
+        remarks.append(remark("tree-without-leaves", "the photograph shows twigs and no leaves; the tree has none"))
+    crown = None
+    if settings.has_crown and has_leaves:
+        with follow_step("crown", seconds, progress):
+            crown, of_crown = _crown(tree, linear, settings)
+            remarks += of_crown
+    return SketchModel(
+        tree=tree, branches=branches, leaves=leaves, foliage=foliage, crown=crown, remarks=tuple(remarks)
+    )
+
+
+def _grow_leaves(tree: SketchedTree, branches: PlantBranches, settings: SketchModelSettings) -> GrownLeaves:
+    request = FoliageRequest(kind=TEMPLATE, species=settings.species, length_m=settings.leaf_length_m)
+    request = replace(request, settings=replace(request.settings, max_leaves=settings.max_leaves, of_root=0.25))
+    grown = grow_leaves(branches.skeleton.skeleton, request, None, settings.tree.seed)
+    assert grown is not None
+    return grown
+
+
+def _leaves_of_picture(
+    tree: SketchedTree, grown: GrownLeaves, linear: NDArray[np.float32], settings: SketchModelSettings
+) -> BranchLeaves:
+    """Those of the leaves that are over leaves of the picture, in its colours."""
+    leaves = grown.foliage.leaves
+    # From the asset to the frame of the picture, which has y up.
+    to_picture = np.diag([1.0, -1.0, 1.0, 1.0]) @ np.linalg.inv(tree.asset_from_photo)
+    scale = float(np.linalg.norm(to_picture[:3, 0]))
+    x, y, z, w = leaves.orientation.T
+    along = np.stack([2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)], axis=-1)
+    fitting = fit_leaves(
+        leaves.base_m @ to_picture[:3, :3].T + to_picture[:3, 3],
+        unit_vectors(along),
+        leaves.length_m * scale,
+        tree.bounds,
+        linear,
+        np.random.default_rng([settings.tree.seed, 1]),
+    )
+    kept = np.flatnonzero(fitting.kept)
+    origin = np.where(fitting.seen, LeafOrigin.COMPLETED, LeafOrigin.OF_SPECIES).astype(np.int32)
+    chosen = replace(leaves, color=fitting.color, origin=origin).take(kept)
+    return replace(grown.foliage, leaves=chosen)
+
+
+def _bark_color(srgb: NDArray[np.uint8], strokes: TreeStrokes, tree: SketchedTree) -> tuple[float, float, float] | None:
+    """The median colour of the pixels that show branches, linear; None where too few do."""
+    points = np.concatenate([each.points_px for each in tree.traced.branches if each.parent < 0])
+    x, y = np.clip(np.floor(points).astype(int), 0, [srgb.shape[1] - 1, srgb.shape[0] - 1]).T
+    shows = ~tree.foliage.mask[y, x] | (tree.traced.likely[y, x] > 0)
+    if shows.sum() < 3:
+        return None
+    red, green, blue = decode_srgb(np.median(srgb[y[shows], x[shows]], axis=0) / 255).tolist()
+    return red, green, blue
+
+
+def _crown(
+    tree: SketchedTree, linear: NDArray[np.float32], settings: SketchModelSettings
+) -> tuple[CrownModel | None, list[Remark]]:
+    """The crown of the same photograph, in the tree's frame; None and why where there can be none."""
+    inside = tree.bounds.inside
+    rows = np.flatnonzero(inside.any(axis=1))
+    scale_m = float(np.linalg.norm(tree.asset_from_photo[:3, 0]))
+    try:
+        model, _ = reconstruct_crown(
+            linear,
+            inside,
+            CrownSettings(size=CROWN_SIZE, height_m=scale_m * float(np.ptp(rows) + 1), seed=settings.tree.seed),
+            foliage=tree.foliage.mask,
+        )
+    except (FitError, ValueError) as error:
+        return None, [remark("crown-left-out", f"the tree has no crown for the distance: {error}")]
+    own_scale = float(np.linalg.norm(model.asset_from_photo[:3, 0]))
+    center_px = np.linalg.inv(model.asset_from_photo) @ np.append(model.center_m, 1.0)
+    center_m = (tree.asset_from_photo @ center_px)[:3]
+    return (
+        replace(
+            model,
+            radius_m=(model.radius_m * (scale_m / own_scale)).astype(np.float32),
+            center_m=center_m,
+            asset_from_photo=tree.asset_from_photo,
+        ),
+        [],
+    )

@@ -1,0 +1,260 @@
+"""From a photograph on disk and the strokes over it to the assets of its trees."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from usdfoliage import __version__
+from usdfoliage.asset.asset_record import AssetOrigin
+from usdfoliage.asset.packages.plant_package import write_plant_asset
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.asset.publish import plan_folder, publish_folder
+from usdfoliage.branch.foliage.species import describe_species
+from usdfoliage.capture.folder.images import Photo, read_photo
+from usdfoliage.capture.folder.masks import clean_mask, read_mask
+from usdfoliage.capture.mask_proposal.propose import propose_mask
+from usdfoliage.files.hashing import hash_file
+from usdfoliage.jobs.report.table import Row
+from usdfoliage.jobs.sketch.model import SketchModel, SketchModelSettings, model_tree, to_display
+from usdfoliage.jobs.sketch.report import SketchReport, draw_sides, write_sketch_report
+from usdfoliage.progress import StepProgress, follow_step
+from usdfoliage.remarks import (
+    Argument,
+    Remark,
+    RenderSetting,
+    as_plan_setting,
+    label_remarks,
+    merge_remarks,
+    remark,
+)
+from usdfoliage.sketch.proposal import propose_strokes
+from usdfoliage.sketch.strokes import Strokes, TreeStrokes, check_strokes, read_strokes, write_strokes
+
+STEPS = ("tree", "surface", "leaves", "crown", "asset", "preview")
+STROKES = "strokes.json"  # in the asset's folder
+
+
+@dataclass(frozen=True, kw_only=True)
+class SketchRequest:
+    """What the user asked for, checked."""
+
+    photo: Path
+    output: Path
+    name: str
+    strokes: Path | None = None  # None: proposed
+    mask: Path | None = None  # of the crown, in place of its stroke
+    tape_m: tuple[float, float, float, float, float] | None = None  # x and y of two places, and metres between them
+    color_space: str | None = None
+    species: str = ""
+    settings: SketchModelSettings = field(default_factory=SketchModelSettings)
+    force: bool = False
+    keep_old: bool = False
+    preview: bool = True
+    times: bool = True
+    render_setting: RenderSetting = as_plan_setting
+
+    @property
+    def origin(self) -> AssetOrigin:
+        """Of the asset."""
+        return AssetOrigin(name=self.name, command="sketch", source=self.photo.resolve().name)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SketchInput:
+    """A photograph, and the strokes over it."""
+
+    photo: Photo
+    strokes: Strokes
+    remarks: tuple[Remark, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenSketch:
+    """What was written, and what the user should know of it."""
+
+    asset: Path
+    report: Path
+    preview: Path | None
+    remarks: tuple[Remark, ...]
+    rows: tuple[Row, ...]
+
+
+def read_sketch_input(request: SketchRequest) -> SketchInput:
+    """Read the photograph and the strokes over it, or propose strokes.
+
+    Raises:
+        FoliageError: A file cannot be used, they do not fit each other, or no tree is found.
+    """
+    photo = read_photo(request.photo, request.color_space)
+    remarks = list(photo.remarks)
+    strokes = None
+    if request.strokes is not None:
+        strokes = read_strokes(request.strokes)
+        check_strokes(strokes, photo.width_px, photo.height_px, str(request.strokes))
+    if request.mask is not None:
+        given = read_mask(request.mask, photo.linear.shape, photo.orientation)
+        cleaned = clean_mask(given)
+        remarks += cleaned.remarks
+        proposed = propose_strokes(cleaned.mask, to_display(photo.linear))
+        drawn = strokes.trees[0].branches_px if strokes is not None and len(strokes.trees) == 1 else ()
+        tree = replace(proposed, branches_px=drawn or proposed.branches_px)
+        strokes = _strokes_of(photo, tree)
+    if strokes is None:
+        proposal = propose_mask(photo.linear, seed=request.settings.tree.seed)
+        text = f"the strokes are proposals (confidence {proposal.confidence:.2f}); {proposal.remark}"
+        remedy = (f"correct {STROKES} in the asset's folder and give it with ", Argument(name="strokes"))
+        remarks.append(remark("strokes-proposed", text, remedy=remedy))
+        strokes = _strokes_of(photo, propose_strokes(proposal.mask, to_display(photo.linear)))
+    return SketchInput(photo=photo, strokes=strokes, remarks=tuple(remarks))
+
+
+def _strokes_of(photo: Photo, tree: TreeStrokes) -> Strokes:
+    return Strokes(image=photo.path.name, width_px=photo.width_px, height_px=photo.height_px, trees=(tree,))
+
+
+def make_sketch_asset(request: SketchRequest, progress: StepProgress | None = None) -> WrittenSketch:
+    """Make the trees of a photograph and publish their assets; an old asset stays until the new one is whole.
+
+    Raises:
+        FoliageError: The input is unusable, or the output cannot be written; nothing was changed.
+    """
+    given = read_sketch_input(request)
+    if len(given.strokes.trees) == 1:
+        return _make_tree(request, given, progress)
+    made = []
+    for number, tree in enumerate(given.strokes.trees, 1):
+        name = f"tree_{number:02d}"
+        own = replace(request, name=name, output=request.output / name)
+        made.append(_make_tree(own, replace(given, strokes=replace(given.strokes, trees=(tree,))), progress))
+    return WrittenSketch(
+        asset=made[0].asset,
+        report=made[0].report,
+        preview=made[0].preview,
+        remarks=merge_remarks(*(each.remarks for each in made)),
+        rows=tuple(row for each in made for row in each.rows),
+    )
+
+
+def _make_tree(request: SketchRequest, given: SketchInput, progress: StepProgress | None) -> WrittenSketch:
+    seconds: dict[str, float] = {}
+    settings = request.settings
+    if request.tape_m is not None:
+        x1, y1, x2, y2, metres = request.tape_m
+        scaled = replace(settings.tree, metres_per_px=metres / float(np.hypot(x2 - x1, y2 - y1)))
+        settings = replace(settings, tree=scaled)
+    strokes = given.strokes.trees[0]
+    with publish_folder(
+        request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
+    ) as folder:
+        model = model_tree(given.photo.linear, strokes, settings, seconds, progress)
+        with follow_step("asset", seconds, progress):
+            interface = write_plant_asset(
+                folder,
+                request.name,
+                provenance=_provenance(request),
+                asset_from_capture=model.tree.asset_from_photo,
+                branches=model.branches,
+                foliage=model.foliage,
+                crown=model.crown,
+            )
+            write_strokes(folder / STROKES, given.strokes)
+        remarks = [*given.remarks, *model.remarks]
+        report_folder = folder / "report"
+        report_folder.mkdir(exist_ok=True)
+        rows = sketch_rows(model)
+        drawn = draw_sides(interface if request.preview else None, report_folder, remarks, progress)
+        report = SketchReport(
+            name=request.name,
+            photo=request.photo.name,
+            generator=f"usdfoliage {__version__}",
+            rows=rows,
+            settings=describe_settings(request),
+            remarks=tuple(remarks),
+            render_setting=request.render_setting,
+            seconds=seconds if request.times else {},
+        )
+        write_sketch_report(report_folder, report, to_display(given.photo.linear), strokes, model.tree, drawn)
+    return WrittenSketch(
+        asset=request.output / interface.name,
+        report=request.output / "report" / "index.html",
+        preview=request.output / "report" / drawn[0].file if drawn else None,
+        remarks=tuple(remarks),
+        rows=rows,
+    )
+
+
+def plan_sketch_asset(request: SketchRequest) -> str:
+    """What make_sketch_asset would do, in lines, after checking the input; writes nothing.
+
+    Raises:
+        FoliageError: A file cannot be used.
+    """
+    would = plan_folder(
+        request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
+    )
+    given = read_sketch_input(request)
+    return "\n".join(
+        [
+            f"photo: {request.photo}, {given.photo.width_px} x {given.photo.height_px} px",
+            f"strokes: {request.strokes or 'proposed'}, trees {len(given.strokes.trees)}",
+            *label_remarks(given.remarks, request.render_setting),
+            f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
+            f"steps: {', '.join(STEPS if request.preview else STEPS[:-1])}",
+            would,
+        ]
+    )
+
+
+def sketch_rows(model: SketchModel) -> tuple[Row, ...]:
+    """The figures of a tree, for report and terminal."""
+    tree = model.tree
+    skeleton = model.branches.skeleton.skeleton
+    height_m = float(np.ptp(skeleton.points_m[:, 1]))
+    faces = len(model.branches.surfaces.whole.faces)
+    rows = [
+        Row(name="height", value=f"{height_m:.2f} m"),
+        Row(
+            name="branches",
+            value=f"{len(skeleton):,}",
+            remark=f"{len(tree.traced.branches):,} of the photograph; {faces:,} faces",
+        ),
+    ]
+    if model.foliage is not None:
+        rows.append(Row(name="leaves", value=f"{len(model.foliage.leaves):,}"))
+    if len(tree.grown.cost_px) > 1:
+        first, last = tree.grown.cost_px[0], tree.grown.cost_px[-1]
+        rows.append(Row(name="growth", value=f"{first:.1f} to {last:.1f} px", remark="from the leaves of the picture"))
+    return tuple(rows)
+
+
+def describe_settings(request: SketchRequest) -> dict[str, str]:
+    """Every setting that decides the result, by the name of its option."""
+    settings = request.settings
+    return {
+        "strokes": request.strokes.name if request.strokes else "proposed",
+        **(
+            {"height": f"{settings.tree.height_m:g}"}
+            if request.tape_m is None
+            else {"tape": " ".join(f"{value:g}" for value in request.tape_m)}
+        ),
+        "mask": request.mask.name if request.mask else "none",
+        "depth": f"{settings.tree.depth:g}",
+        "species": settings.species.name,
+        "species-parameters": describe_species(settings.species),
+        "leaf-length": "auto" if settings.leaf_length_m is None else f"{settings.leaf_length_m:g}",
+        "most-leaves": str(settings.max_leaves),
+        "seed": str(settings.tree.seed),
+        "color-space": request.color_space or "as the file states",
+    }
+
+
+def _provenance(request: SketchRequest) -> Provenance:
+    return Provenance(
+        species=request.species,
+        capture=request.photo.name,
+        generator=f"usdfoliage {__version__}",
+        seed=request.settings.tree.seed,
+        settings=describe_settings(request),
+        input_sha256=hash_file(request.photo).hex(),
+    )

@@ -1,0 +1,1 @@
+"""A tree out of one photograph and a few strokes."""

@@ -1,0 +1,116 @@
+"""The space of a tree in one photograph: its silhouette, and how deep it is behind and before it.
+
+Frame of the picture: x to the right and y up, in pixels (y is minus the photograph's), z towards the viewer, 0 in the
+plane of the root.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import griddata
+
+from usdfoliage.crown.silhouette import SilhouetteSettings, fit_star_silhouette
+from usdfoliage.crown.surface import SurfaceSettings, inflate_silhouette
+from usdfoliage.errors import FitError
+
+Floats = NDArray[np.float64]
+
+_CELLS = 96  # along the silhouette, that depth is known in
+_CLOSED = 0.05  # of the crown's width, gaps of the leaves that are inside
+_NARROW = 0.01  # of the crown's width, half of gaps that are as leaves
+_SHALLOW = 0.15  # of the crown's width: half of the depth at least, where a shoot leaves the inflated surface
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CrownBounds:
+    """Where leaves and branches of a tree may be."""
+
+    leaves: NDArray[np.bool_]  # (H, W) that the photograph shows
+    inside: NDArray[np.bool_]  # (H, W) these with the gaps between them
+    half_depth: NDArray[np.float32]  # (H, W) pixels, 0 outside
+
+    def rows_and_columns(self, points: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+        """Pixel of each point (..., 2 or 3), and whether it is in the picture."""
+        height, width = self.inside.shape
+        column, row = np.floor(points[..., 0]).astype(np.int64), np.floor(-points[..., 1]).astype(np.int64)
+        within = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        return np.clip(row, 0, height - 1), np.clip(column, 0, width - 1), within
+
+    def contains(self, points: Floats) -> NDArray[np.bool_]:
+        """(...,) whether points (..., 3) are inside."""
+        row, column, within = self.rows_and_columns(points)
+        deep = np.abs(points[..., 2]) <= self.half_depth[row, column]
+        return np.asarray(within & self.inside[row, column] & deep)
+
+    def shows_leaves(self, points: Floats) -> NDArray[np.bool_]:
+        """(...,) whether the photograph shows leaves where points (..., 2 or 3) are in it."""
+        row, column, within = self.rows_and_columns(points)
+        return np.asarray(within & self.leaves[row, column])
+
+
+def bound_crown(leaves: NDArray[np.bool_], depth: float = 1.0) -> CrownBounds:
+    """The space of a crown: as deep as it is wide, by its inflated silhouette.
+
+    Args:
+        leaves: (H, W), as the photograph shows them.
+        depth: Times as deep.
+
+    Raises:
+        FitError: There are too few leaves.
+    """
+    columns = np.flatnonzero(leaves.any(axis=0))
+    if len(columns) < 8:
+        raise FitError("the crown's stroke holds no leaves", "draw the stroke around the leaves of the tree")
+    width_px = float(np.ptp(columns) + 1)
+    reach = max(1, round(_CLOSED * width_px / 2))
+    padded = np.pad(leaves.astype(np.uint8), 2 * reach)
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, kernel)[2 * reach : -2 * reach, 2 * reach : -2 * reach]
+    filled = np.zeros_like(closed)
+    contours, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    large = [each for each in contours if cv2.contourArea(each) > 0.0005 * width_px**2]
+    cv2.drawContours(filled, large or contours, -1, 1, cv2.FILLED)
+    inside = filled > 0
+    return CrownBounds(
+        leaves=_near_leaves(leaves, width_px) & inside,
+        inside=inside,
+        half_depth=np.where(inside, np.maximum(depth * _inflate(inside), _thinnest_depth(inside, width_px)), 0).astype(
+            np.float32
+        ),
+    )
+
+
+def _near_leaves(leaves: NDArray[np.bool_], width_px: float) -> NDArray[np.bool_]:
+    """Leaves with the narrow gaps between them, which a leaf in space may cover."""
+    reach = max(1, round(_NARROW * width_px))
+    padded = np.pad(leaves.astype(np.uint8), 2 * reach)
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, kernel)[2 * reach : -2 * reach, 2 * reach : -2 * reach]
+    return np.asarray(closed > 0)
+
+
+def _thinnest_depth(inside: NDArray[np.bool_], width_px: float) -> NDArray[np.float32]:
+    """(H, W) half of the depth of shoots beyond the surface: as of a rod that is as wide."""
+    away = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.minimum(away, np.float32(_SHALLOW * width_px))
+
+
+def _inflate(inside: NDArray[np.bool_]) -> Floats:
+    """(H, W) height of the inflated silhouette over the picture, in pixels."""
+    scale = min(1.0, 256 / max(inside.shape))
+    small = cv2.resize(inside.astype(np.float32), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) > 0.5
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(small.astype(np.uint8))
+    if count < 2:
+        return np.zeros(inside.shape)
+    largest = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    silhouette = fit_star_silhouette(largest, SilhouetteSettings(angles=256, search_px=64, search_angles=64))
+    surface = inflate_silhouette(silhouette, SurfaceSettings(grid=_CELLS))
+    cell = surface.cell_px
+    x = silhouette.center_px[0] + cell * surface.points[:, 0]
+    y = silhouette.center_px[1] - cell * surface.points[:, 1]
+    columns, rows = np.meshgrid(np.arange(small.shape[1]) + 0.5, np.arange(small.shape[0]) + 0.5)
+    depth = griddata((x, y), cell * surface.points[:, 2], (columns, rows), method="linear", fill_value=0.0)
+    whole = cv2.resize(np.maximum(depth, 0) / scale, inside.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    return np.asarray(whole, np.float64)

@@ -1,0 +1,56 @@
+"""Which leaves of a tree fit its photograph, and the colours that they have there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdfoliage.sketch.bounds import CrownBounds
+
+Floats = NDArray[np.float64]
+
+_ALONG = (0.35, 0.75)  # of a leaf, places that must be over leaves of the picture
+_NEIGHBOURS = 8
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FittingLeaves:
+    """Leaves that are over leaves of the picture."""
+
+    kept: NDArray[np.bool_]  # (N,)
+    seen: NDArray[np.bool_]  # (N,) on the side of the viewer
+    color: Floats  # (N, 3) linear Rec.709
+
+
+def fit_leaves(
+    base: Floats,
+    along: Floats,
+    length: Floats,
+    bounds: CrownBounds,
+    linear: NDArray[np.float32],
+    rng: np.random.Generator,
+) -> FittingLeaves:
+    """Choose leaves by the picture (section 4), and give each its colour there; behind, that of its neighbours.
+
+    Args:
+        base: (N, 3), where leaves begin, in the frame of the picture.
+        along: (N, 3), unit, where they point to.
+        length: (N,), in pixels.
+        bounds: Of the crown.
+        linear: (H, W, 3), the photograph.
+        rng: For the hidden side.
+    """
+    places = [base + share * length[:, None] * along for share in _ALONG]
+    kept = np.logical_and.reduce([bounds.shows_leaves(each) for each in places])
+    middle = places[0]
+    row, column, _ = bounds.rows_and_columns(middle)
+    color = linear[row, column].astype(np.float64)
+    seen = kept & (middle[:, 2] > -0.15 * bounds.half_depth[row, column])
+    if seen.any():
+        hidden = np.flatnonzero(~seen)
+        count = min(_NEIGHBOURS, int(seen.sum()))
+        near = np.asarray(cKDTree(middle[seen, :2]).query(middle[hidden, :2], k=count)[1]).reshape(len(hidden), -1)
+        drawn = near[np.arange(len(hidden)), rng.integers(near.shape[1], size=len(hidden))]
+        color[hidden] = color[np.flatnonzero(seen)[drawn]]
+    return FittingLeaves(kept=kept, seen=seen, color=color)

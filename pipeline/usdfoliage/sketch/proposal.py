@@ -1,0 +1,94 @@
+"""Strokes for a photograph that nobody drew over: around a crown's mask, and down the stem below it. Our own."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.sketch.strokes import TreeStrokes
+
+Floats = NDArray[np.float64]
+
+_SIMPLE = 0.004  # of the crown's width, by which the outline may leave the mask
+_WORK_PX = 500  # longer side of the picture in which the stem is looked for
+_BESIDE = 0.3  # of the crown's width, to either side of its middle, where a stem may come out
+_WIDTHS = (0.02, 0.035, 0.06)  # of the crown's width, that a stem may have
+_LEAN = 1  # pixels to either side, by which a stem may go on from one row to the next
+_CLEAR = 6.0  # difference in CIELAB between a stem and what is beside it, which counts as one
+_INTO = 0.55  # of the crown's height from below, to which the stem goes on
+
+
+def propose_strokes(mask: NDArray[np.bool_], srgb: NDArray[np.uint8]) -> TreeStrokes:
+    """Strokes for one tree.
+
+    Args:
+        mask: (H, W), its crown; not empty.
+        srgb: (H, W, 3), the photograph.
+    """
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    largest = max(contours, key=cv2.contourArea)
+    width = float(np.ptp(largest[:, 0, 0]) + 1)
+    outline = cv2.approxPolyDP(largest, _SIMPLE * width, True)[:, 0].astype(np.float64) + 0.5
+    if len(outline) < 3:
+        x, y, w, h = cv2.boundingRect(largest)
+        outline = np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]], np.float64)
+    return TreeStrokes(crown_px=outline, branches_px=(find_stem(mask, srgb),))
+
+
+def find_stem(mask: NDArray[np.bool_], srgb: NDArray[np.uint8]) -> Floats:
+    """(K, 2) a line up the stem of a crown, from its foot into the crown, in pixels.
+
+    Below the crown the way down is taken along which a bar differs most from what is beside it. Where there is none
+    the stem begins at the crown's lowest place.
+
+    Args:
+        mask: (H, W), the crown; not empty.
+        srgb: (H, W, 3), the photograph.
+    """
+    rows, columns = np.nonzero(mask)
+    top, bottom, middle = int(rows.min()), int(rows.max()), float(np.median(columns))
+    crown_height, crown_width = bottom - top + 1, float(np.ptp(columns) + 1)
+    scale = min(1.0, _WORK_PX / max(srgb.shape[:2]))
+    small = cv2.resize(srgb, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    lab = cv2.cvtColor(small.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
+    contrast = np.max([_bars(lab, max(2, round(share * crown_width * scale))) for share in _WIDTHS], axis=0)
+    reach = _BESIDE * crown_width
+    first, last = (int(np.clip((middle + side * reach) * scale, 0, small.shape[1] - 1)) for side in (-1, 1))
+    lowest = int(min((bottom - 0.12 * crown_height) * scale, small.shape[0] - 2))
+    part = np.minimum(contrast[lowest:, first : last + 1], 3 * _CLEAR) - _CLEAR
+    head = np.array([[middle, top + (1 - _INTO) * crown_height]])
+    none = np.array([[float(np.median(columns[rows > bottom - 0.05 * crown_height])) + 0.5, bottom + 1.0]])
+    if part.size == 0 or part.shape[1] < 3:
+        return np.concatenate([none, head])
+    score, back = _walk_down(part)
+    best_row = score.max(axis=1)
+    foot_row = int(np.argmax(best_row))
+    if best_row[foot_row] <= 0 or foot_row < 3:
+        return np.concatenate([none, head])
+    column = int(np.argmax(score[foot_row]))
+    line = []
+    for row in range(foot_row, -1, -1):
+        line.append([(column + first + 0.5) / scale, (row + lowest + 0.5) / scale])
+        column = int(back[row, column])
+    stem = np.array(line)[:: max(1, len(line) // 8)]
+    return np.concatenate([stem, head[head[:, 1] < stem[-1, 1]]]) if len(stem) > 1 else np.concatenate([none, head])
+
+
+def _bars(lab: NDArray[np.float32], width: int) -> NDArray[np.float32]:
+    """(H, W) how much a bar of a width differs from both of what is beside it: the lesser difference."""
+    bar = cv2.blur(lab, (width, max(3, width)))
+    left, right = np.roll(bar, round(1.4 * width), axis=1), np.roll(bar, -round(1.4 * width), axis=1)
+    return np.minimum(np.linalg.norm(bar - left, axis=2), np.linalg.norm(bar - right, axis=2))
+
+
+def _walk_down(gain: NDArray[np.float32]) -> tuple[Floats, NDArray[np.int64]]:
+    """(R, C) the greatest sum of gains on a way down to each pixel, from the first row, and the column before."""
+    score = np.zeros(gain.shape)
+    back = np.tile(np.arange(gain.shape[1]), (len(gain), 1))
+    score[0] = gain[0]
+    for row in range(1, len(gain)):
+        before = np.pad(score[row - 1], _LEAN, constant_values=-np.inf)
+        options = np.stack([before[k : k + gain.shape[1]] for k in range(2 * _LEAN + 1)])
+        chosen = options.argmax(axis=0)
+        score[row] = gain[row] + options.max(axis=0)
+        back[row] = np.arange(gain.shape[1]) + chosen - _LEAN
+    return score, back

@@ -1,0 +1,125 @@
+"""From a photograph and the strokes over one tree to its skeleton in metres: the one page of this package."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.branch.foliage.species import Species
+from usdfoliage.branch.model import Skeleton
+from usdfoliage.errors import FitError
+from usdfoliage.progress import Progress
+from usdfoliage.sketch.axes import skeleton_of
+from usdfoliage.sketch.bounds import CrownBounds, bound_crown
+from usdfoliage.sketch.foliage import Foliage, FoliageCutSettings, find_foliage
+from usdfoliage.sketch.growth import GrownAxes, SketchGrowthSettings, grow_axes
+from usdfoliage.sketch.into_space import TurningSettings, turn_into_space
+from usdfoliage.sketch.strokes import TreeStrokes
+from usdfoliage.sketch.subtrees import build_library
+from usdfoliage.sketch.thickness import find_radii
+from usdfoliage.sketch.tracing import TracedTree, TraceSettings, branch_odds, trace_tree
+
+Floats = NDArray[np.float64]
+
+_TIP = 0.0004  # of the tree's height: radius of a shoot at its tip
+_STEM = 0.011  # of the tree's height: radius of a stem that the picture does not show
+_STEM_ABOVE = 0.05  # of the crown's height from below, into which a stem goes that nobody drew
+
+
+@dataclass(frozen=True, kw_only=True)
+class SketchSettings:
+    """How a tree is made of a photograph."""
+
+    height_m: float = 5.0  # from the root to the top
+    metres_per_px: float | None = None  # in place of the height
+    depth: float = 1.0  # times as deep as the silhouette has it
+    seed: int = 0
+    foliage: FoliageCutSettings = field(default_factory=FoliageCutSettings)
+    trace: TraceSettings = field(default_factory=TraceSettings)
+    turning: TurningSettings = field(default_factory=TurningSettings)
+    growth: SketchGrowthSettings = field(default_factory=SketchGrowthSettings)
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.height_m) and self.height_m > 0):
+            raise ValueError(f"height must be above 0, not {self.height_m:g}")
+        scale = self.metres_per_px
+        if scale is not None and not (np.isfinite(scale) and scale > 0):
+            raise ValueError(f"a pixel must be above 0 metres, not {scale:g}")
+        if not 0.1 <= self.depth <= 5:
+            raise ValueError(f"depth must be 0.1 to 5, not {self.depth:g}")
+        if not 0 <= self.seed < 2**31:
+            raise ValueError(f"the seed must be 0 to below 2^31, not {self.seed}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SketchedTree:
+    """A tree of a photograph."""
+
+    skeleton: Skeleton
+    foliage: Foliage
+    traced: TracedTree
+    bounds: CrownBounds
+    grown: GrownAxes
+    asset_from_photo: Floats  # (4, 4) for column vectors: from (x, y, z) in pixels to metres
+
+
+def sketch_tree(
+    srgb: NDArray[np.uint8],
+    strokes: TreeStrokes,
+    species: Species,
+    settings: SketchSettings = SketchSettings(),
+    report: Progress | None = None,
+) -> SketchedTree:
+    """Make a tree of a photograph.
+
+    Args:
+        srgb: (H, W, 3), the photograph, display-encoded.
+        strokes: Over one tree.
+        species: How it branches.
+        settings: How.
+        report: Called while the tree grows, as grow_axes does.
+
+    Raises:
+        FitError: The strokes hold no leaves.
+    """
+    rng = np.random.default_rng(settings.seed)
+    seeds = [int(each) for each in rng.integers(2**31 - 2, size=2)]
+    try:
+        foliage = find_foliage(srgb, strokes.crown_px, seeds[0], settings.foliage, strokes.branches_px)
+    except ValueError as error:
+        raise FitError("the crown's stroke holds nothing of the picture", "draw it around the leaves") from error
+    bounds = bound_crown(foliage.mask, settings.depth)
+    if not strokes.branches_px:
+        strokes = TreeStrokes(crown_px=strokes.crown_px, branches_px=(_stem_below(bounds),))
+    traced = trace_tree(branch_odds(srgb, strokes, foliage, seeds[1], settings.trace), strokes, settings.trace)
+    axes = turn_into_space(traced, bounds, settings.turning)
+    grown = grow_axes(axes, build_library(axes, species), bounds, rng, settings.growth, report)
+    root = grown.axes[0].points[0]
+    lowest = min(root[1], min(float(axis.points[0, 1]) for axis in grown.axes if axis.parent < 0))
+    top = max(float(np.max(-np.nonzero(bounds.inside.any(axis=1))[0])), lowest + 1.0)
+    scale_m = settings.metres_per_px or settings.height_m / (top - lowest)
+    radius = find_radii(grown.axes, species.exponent, _TIP * (top - lowest), _STEM * (top - lowest))
+    return SketchedTree(
+        skeleton=skeleton_of(grown.axes, radius, scale_m, root),
+        foliage=foliage,
+        traced=traced,
+        bounds=bounds,
+        grown=grown,
+        asset_from_photo=_frame(root, scale_m),
+    )
+
+
+def _stem_below(bounds: CrownBounds) -> Floats:
+    """A stem that nobody drew: from the crown's lowest place up through its middle."""
+    rows, columns = np.nonzero(bounds.inside)
+    low, high = float(rows.max() + 1), float(rows.min())
+    near = columns[rows > low - _STEM_ABOVE * (low - high) - 1]
+    foot = float(np.median(near)) + 0.5
+    return np.array([[foot, low], [float(np.median(columns)) + 0.5, 0.5 * (low + high)]])
+
+
+def _frame(root: Floats, scale_m: float) -> Floats:
+    """(4, 4) from (x, y, z) in pixels, y down, z to the viewer, to metres about the root."""
+    frame = np.diag([scale_m, -scale_m, scale_m, 1.0])
+    frame[:3, 3] = -scale_m * root
+    return frame

@@ -1,0 +1,68 @@
+"""How thick branches are: as the picture shows them, else by the allometry of the species."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage.sketch.axes import Axis
+
+Floats = NDArray[np.float64]
+
+OF_PARENT = 0.75  # of its parent's radius, that a branch has where nothing else is known (section 2)
+TAPER = 0.35  # of its radius at the base, that a branch has at its tip
+TRUNK_TAPER = 0.12
+
+
+def find_radii(axes: Sequence[Axis], exponent: float | None, tip_px: float, stem_px: float) -> list[Floats]:
+    """(K,) radius along each axis, in pixels.
+
+    The radius of a trunk is that of the picture at its root. A branch has its share of the length that its parent
+    carries there, to the power of the species' exponent, and never more than the picture shows.
+
+    Args:
+        axes: Each after its parent.
+        exponent: Of the species' allometry; None: OF_PARENT of the parent's radius.
+        tip_px: Radius of a shoot at its tip.
+        stem_px: Radius of a trunk at its root, where the picture does not show it.
+    """
+    lengths = np.array([axis.length for axis in axes])
+    carried = lengths.copy()
+    for number in range(len(axes) - 1, -1, -1):
+        if axes[number].parent >= 0:
+            carried[axes[number].parent] += carried[number]
+    radii: list[Floats] = []
+    for number, axis in enumerate(axes):
+        arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(axis.points, axis=0), axis=1))])
+        share = arc / max(arc[-1], 1e-9)
+        if axis.parent < 0:
+            radii.append(_trunk_radius(axis, share, max(_seen_at_root(axis) or stem_px, 2 * tip_px), tip_px))
+            continue
+        parent = float(radii[axis.parent][axis.parent_point])
+        factor = OF_PARENT if exponent is None else (carried[number] / max(carried[axis.parent], 1e-9)) ** exponent
+        base = parent * min(factor, OF_PARENT)
+        if not axis.inferred and np.isfinite(axis.half).any():
+            seen = float(np.nanmedian(axis.half[: max(2, len(axis.half) // 2)]))
+            base = min(max(base, 0.6 * seen), 0.95 * parent, max(1.3 * seen, tip_px))
+        base = max(base, tip_px)
+        radii.append(np.maximum(base * (1 - (1 - TAPER) * share), min(tip_px, base)))
+    return radii
+
+
+def _trunk_radius(axis: Axis, share: Floats, base: float, tip_px: float) -> Floats:
+    """(K,) radius of a trunk: as the picture shows it, and where it is hidden tapering from there to its tip."""
+    radius = base * (1 - (1 - TRUNK_TAPER) * share**0.9)
+    known = np.flatnonzero(np.isfinite(axis.half))
+    if len(known):
+        seen = np.interp(share, share[known], axis.half[known])
+        last = share[known[-1]]
+        beyond = np.clip((share - last) / max(1 - last, 1e-9), 0, 1)
+        radius = seen * (1 - (1 - TRUNK_TAPER) * beyond)
+    return np.maximum(np.minimum.accumulate(radius), tip_px)
+
+
+def _seen_at_root(axis: Axis) -> float:
+    """The radius that the picture shows over the lower part of a trunk; 0 where it shows none."""
+    lower = axis.half[: max(2, len(axis.half) // 4)]
+    lower = lower[np.isfinite(lower)]
+    return float(np.median(lower)) if len(lower) else 0.0

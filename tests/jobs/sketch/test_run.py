@@ -1,0 +1,143 @@
+"""A tree of a drawn photograph, by the command."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom
+from usdfoliage.__main__ import main
+from usdfoliage.jobs.models import read_models
+from usdfoliage.sketch.strokes import Strokes, read_strokes, write_strokes
+
+from tests.support.photographs.drawn_trees import DrawnTree, draw_bare, draw_leafy
+
+SMALL = ["--no-preview", "--most-leaves", "1500", "--reproducible"]
+
+
+def write_tree(folder, tree: DrawnTree, trees=1):
+    photo = folder / "tree photo.png"
+    cv2.imwrite(str(photo), tree.srgb[..., ::-1])
+    height, width = tree.srgb.shape[:2]
+    strokes = folder / "tree photo.strokes.json"
+    write_strokes(strokes, Strokes(image=photo.name, width_px=width, height_px=height, trees=(tree.strokes,) * trees))
+    return photo, strokes
+
+
+@pytest.fixture(scope="module")
+def leafy(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("leafy")
+    tree = draw_leafy()
+    photo, strokes = write_tree(folder, tree)
+    out = folder / "oak"
+    assert main(["sketch", str(photo), "-o", str(out), "--height", "4", *SMALL]) == 0
+    return tree, photo, strokes, out
+
+
+def test_the_asset_is_a_whole_plant_of_the_height_that_was_asked_for(leafy):
+    _, _, strokes, out = leafy
+    models = read_models(out)
+    assert models.skeleton is not None
+    assert np.ptp(models.skeleton.points_m[:, 1]) == pytest.approx(4, rel=0.1)
+    assert (models.skeleton.radius_m > 0).all()
+    stage = Usd.Stage.Open(str(out / "oak.usda"))
+    plant = stage.GetDefaultPrim()
+    assert {"lod", "representation", "branches"} <= set(plant.GetVariantSets().GetNames())
+    assert main(["validate", str(out)]) == 0
+    kept = read_strokes(out / "strokes.json")
+    np.testing.assert_allclose(kept.trees[0].crown_px, read_strokes(strokes).trees[0].crown_px)
+    assert (out / "report" / "index.html").is_file()
+
+
+def test_from_the_front_it_is_the_photograph(leafy):
+    tree, _, _, out = leafy
+    stage = Usd.Stage.Open(str(out / "oak.usda"))
+    plant = stage.GetDefaultPrim()
+    asset_from_photo = np.array(plant.GetAttribute("foliage:captureToAsset").Get()).T
+    scale = np.linalg.norm(asset_from_photo[:3, 0])
+    np.testing.assert_allclose(asset_from_photo[:3, :3], scale * np.diag([1, -1, 1]), atol=1e-9)
+    leaves = next(UsdGeom.PointInstancer(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.PointInstancer))
+    base_m = np.array(leaves.GetPositionsAttr().Get())
+    pixels = (np.linalg.inv(asset_from_photo) @ np.c_[base_m, np.ones(len(base_m))].T)[:2].T
+    drawn = np.zeros(tree.leaves.shape, np.uint8)
+    for x, y in pixels:
+        cv2.circle(drawn, (int(x), int(y)), 7, 1, -1)
+    both = ((drawn > 0) & tree.leaves).sum() / ((drawn > 0) | tree.leaves).sum()
+    assert both > 0.8
+    depth_m = base_m[:, 2]
+    assert depth_m.std() / base_m[:, 0].std() == pytest.approx(1, abs=0.25)
+
+
+def test_the_same_strokes_give_the_same_bytes(leafy, tmp_path):
+    _, photo, strokes, out = leafy
+    again = tmp_path / "oak"
+    words = ["sketch", str(photo), "--strokes", str(strokes), "-o", str(again), "--height", "4", *SMALL]
+    assert main(words) == 0
+    for name in ("leaves_bezier.usdc", "skeleton.usdc", "branches.usdc"):
+        for one in sorted(out.rglob(name)):
+            assert one.read_bytes() == (again / one.relative_to(out)).read_bytes()
+    assert list(out.rglob("skeleton.usdc"))
+
+
+def test_a_bare_tree_has_no_leaves_and_its_branches_are_those_of_the_picture(tmp_path, capsys):
+    tree = draw_bare()
+    photo, _ = write_tree(tmp_path, tree)
+    assert main(["sketch", str(photo), "-o", str(tmp_path / "ash"), "--json", *SMALL]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert "tree-without-leaves" in [each["code"] for each in printed["remarks"]]
+    skeleton = read_models(tmp_path / "ash").skeleton
+    assert (~skeleton.inferred).sum() == 4
+
+
+def test_a_tape_gives_the_scale(tmp_path):
+    tree = draw_leafy()
+    photo, _ = write_tree(tmp_path, tree)
+    tape = ["--tape", "10", "20", "10", "120", "2", "--no-crown"]
+    assert main(["sketch", str(photo), "-o", str(tmp_path / "oak"), *tape, *SMALL]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "oak" / "oak.usda"))
+    matrix = np.array(stage.GetDefaultPrim().GetAttribute("foliage:captureToAsset").Get())
+    assert np.linalg.norm(matrix[0, :3]) == pytest.approx(0.02)
+
+
+def test_several_trees_are_several_assets(tmp_path):
+    photo, _ = write_tree(tmp_path, draw_leafy(), trees=2)
+    assert main(["sketch", str(photo), "-o", str(tmp_path / "out"), "--no-crown", *SMALL]) == 0
+    assert (tmp_path / "out" / "tree_01" / "tree_01.usda").is_file()
+    assert (tmp_path / "out" / "tree_02" / "tree_02.usda").is_file()
+
+
+def test_a_dry_run_writes_nothing(tmp_path, capsys):
+    photo, _ = write_tree(tmp_path, draw_leafy())
+    assert main(["sketch", str(photo), "-o", str(tmp_path / "out"), "--dry-run"]) == 0
+    assert "trees 1" in capsys.readouterr().out
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (["--height", "0"], "height must be above 0"),
+        (["--depth", "9"], "depth must be"),
+        (["--tape", "1", "1", "1", "1", "2"], "--tape"),
+        (["--leaf-length", "-1"], "--leaf-length"),
+        (["--species", "no such one"], "no species"),
+        (["--strokes", "none.json"], "none.json"),
+    ],
+)
+def test_what_cannot_be_is_one_line_and_nothing_written(tmp_path, capsys, words, error):
+    photo, _ = write_tree(tmp_path, draw_leafy())
+    assert main(["sketch", str(photo), "-o", str(tmp_path / "out"), *words]) == 2
+    complained = capsys.readouterr().err
+    assert error in complained
+    assert complained.count("error: ") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_crown_of_sky_alone_is_refused(tmp_path, capsys):
+    tree = draw_leafy()
+    photo, strokes = write_tree(tmp_path, tree)
+    content = json.loads(strokes.read_text())
+    content["crown"] = [[2, 2], [30, 2], [30, 30], [2, 30]]
+    strokes.write_text(json.dumps(content))
+    assert main(["sketch", str(photo), "-o", str(tmp_path / "out"), *SMALL]) == 2
+    assert "no leaves" in capsys.readouterr().err

@@ -1,0 +1,92 @@
+"""Leaves in a photograph: mixtures of colours, a minimum cut, and both on drawn trees."""
+
+import itertools
+
+import numpy as np
+import pytest
+from usdfoliage.sketch.foliage import fill_outline, find_foliage
+from usdfoliage.sketch.minimum_cut import cut_pixels
+from usdfoliage.sketch.mixtures import Mixture, fit_mixture, log_density
+
+from tests.support.photographs.drawn_trees import draw_bare, draw_leafy
+
+
+def test_a_mixture_finds_its_clusters():
+    rng = np.random.default_rng(3)
+    means = np.array([[30.0, 60, 20], [200, 210, 240], [120, 90, 60]])
+    share = np.array([0.5, 0.3, 0.2])
+    colors = np.concatenate(
+        [rng.normal(mean, 6, (int(4000 * part), 3)) for mean, part in zip(means, share, strict=True)]
+    )
+    found = fit_mixture(colors, 3, 0)
+    order = np.argsort(found.mean[:, 0])
+    np.testing.assert_allclose(found.mean[order], means[[0, 2, 1]], atol=1.0)
+    np.testing.assert_allclose(found.weight[order], share[[0, 2, 1]], atol=0.01)
+
+
+def test_a_density_is_that_of_normal_distributions():
+    mixture = Mixture(weight=np.array([1.0]), mean=np.zeros((1, 3)), covariance=4 * np.eye(3)[None])
+    colors = np.array([[0.0, 0, 0], [2, 0, 0]])
+    expected = -1.5 * np.log(2 * np.pi * 4) - np.array([0, 0.5])
+    np.testing.assert_allclose(log_density(mixture, colors), expected)
+
+
+def test_few_colours_make_few_components():
+    found = fit_mixture(np.array([[10.0, 20, 30]]), 5, 0)
+    assert len(found) == 1
+    assert np.isfinite(log_density(found, np.array([[10.0, 20, 30]]))).all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_cut_has_the_minimum_of_all_labels(seed):
+    rng = np.random.default_rng(seed)
+    energy, right, down = rng.normal(0, 2, (3, 3)), rng.uniform(0, 1.5, (3, 2)), rng.uniform(0, 1.5, (2, 3))
+
+    def total(labels):
+        return (
+            (energy * labels).sum()
+            + (right * (labels[:, 1:] != labels[:, :-1])).sum()
+            + (down * (labels[1:] != labels[:-1])).sum()
+        )
+
+    found = cut_pixels(energy, right, down, np.ones((3, 3), bool))
+    minimum = min(total(np.array(bits, bool).reshape(3, 3)) for bits in itertools.product((0, 1), repeat=9))
+    assert total(found) == pytest.approx(minimum, abs=0.1)
+
+
+def test_outside_of_the_domain_all_is_background():
+    domain = np.zeros((4, 5), bool)
+    domain[1:3, 1:4] = True
+    found = cut_pixels(np.full((4, 5), -3.0), np.ones((4, 4)), np.ones((3, 5)), domain)
+    np.testing.assert_array_equal(found, domain)
+    assert not cut_pixels(np.zeros((2, 2)), np.ones((2, 1)), np.ones((1, 2)), np.zeros((2, 2), bool)).any()
+
+
+def test_leaves_of_a_drawn_tree_are_found():
+    tree = draw_leafy()
+    found = find_foliage(tree.srgb, tree.strokes.crown_px, 0)
+    both = (found.mask & tree.leaves).sum() / (found.mask | tree.leaves).sum()
+    assert both > 0.95
+    assert not found.is_thin
+    assert not found.is_bare
+    again = find_foliage(tree.srgb, tree.strokes.crown_px, 0)
+    np.testing.assert_array_equal(found.mask, again.mask)
+
+
+def test_twigs_alone_are_no_leaves():
+    tree = draw_bare()
+    found = find_foliage(tree.srgb, tree.strokes.crown_px, 0, branches_px=tree.strokes.branches_px)
+    assert found.is_thin
+    assert found.is_bare
+
+
+def test_a_stroke_that_crosses_itself_holds_both_of_its_loops():
+    outline = np.array([[0.0, 0], [10, 10], [10, 0], [0, 10]])
+    filled = fill_outline(outline, (10, 10))
+    assert filled[5, 1]
+    assert filled[5, 8]
+
+
+def test_a_stroke_outside_of_the_picture_holds_nothing():
+    with pytest.raises(ValueError, match="inside"):
+        find_foliage(np.zeros((20, 20, 3), np.uint8), np.array([[50.0, 50], [60, 50], [60, 60]]), 0)

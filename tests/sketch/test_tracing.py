@@ -1,0 +1,66 @@
+"""Branches of a drawn tree, traced from one stroke."""
+
+import numpy as np
+import pytest
+from usdfoliage.sketch.foliage import find_foliage
+from usdfoliage.sketch.tracing import branch_odds, trace_tree
+
+from tests.support.photographs.drawn_trees import draw_bare, draw_leafy
+
+
+def resampled(line, step=2.0):
+    arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    at = np.arange(0, arc[-1], step)
+    return np.stack([np.interp(at, arc, line[:, k]) for k in range(2)], axis=-1)
+
+
+def nearest(points, others):
+    return np.linalg.norm(points[:, None] - others, axis=2).min(axis=1)
+
+
+@pytest.fixture(scope="module")
+def bare():
+    tree = draw_bare()
+    foliage = find_foliage(tree.srgb, tree.strokes.crown_px, 0, branches_px=tree.strokes.branches_px)
+    odds = branch_odds(tree.srgb, tree.strokes, foliage, 0)
+    return tree, trace_tree(odds, tree.strokes)
+
+
+def test_all_branches_are_traced_and_no_other(bare):
+    tree, traced = bare
+    true = np.concatenate([resampled(line) for line in tree.branches])
+    found = np.concatenate([resampled(branch.points_px) for branch in traced.branches])
+    assert (nearest(true, found) < 6).mean() > 0.97
+    assert (nearest(found, true) < 6).mean() > 0.97
+    assert len(traced.branches) == 4
+
+
+def test_the_stroke_goes_on_where_somebody_stopped_drawing(bare):
+    _, traced = bare
+    trunk = traced.branches[0]
+    assert trunk.drawn
+    assert trunk.parent == -1
+    assert trunk.points_px[-1, 1] < 0.2 * 500  # the stroke ends at .6
+
+
+def test_branches_leave_from_points_of_their_parents(bare):
+    _, traced = bare
+    for number, branch in enumerate(traced.branches):
+        if branch.parent >= 0:
+            assert branch.parent < number
+            parent = traced.branches[branch.parent]
+            np.testing.assert_array_equal(branch.points_px[0], parent.points_px[branch.parent_point])
+            assert np.nanmax(branch.half_px) <= np.nanmax(parent.half_px) + 0.5
+
+
+def test_half_of_the_thickness_is_that_of_the_picture(bare):
+    _, traced = bare
+    assert np.nanmax(traced.branches[0].half_px) == pytest.approx(7, abs=1.0)
+
+
+def test_leaves_hide_what_a_stroke_goes_over():
+    tree = draw_leafy()
+    foliage = find_foliage(tree.srgb, tree.strokes.crown_px, 0, branches_px=tree.strokes.branches_px)
+    traced = trace_tree(branch_odds(tree.srgb, tree.strokes, foliage, 0), tree.strokes)
+    assert len(traced.branches) == 1
+    np.testing.assert_allclose(traced.branches[0].points_px[[0, -1]], [[150, 380], [150, 200]], atol=3)
