@@ -245,35 +245,37 @@ class _Growth:
             spacing: How far a target may be from a branch without a shoot.
         """
         settings = self.settings
-        left = targets
+        flat = targets.shape[1]
+        left = self._in_space(targets) if flat == 2 else targets
         added = 0
         while len(left) and added < settings.max_shoots:
-            first = 1 if self.keeps_trunk else 0
-            able = [n for n, axis in enumerate(self.axes) if axis.order >= first]
-            owners = np.concatenate([np.full(len(self.axes[n].points) - 1, n) for n in able])
-            vertices = np.concatenate([np.arange(1, len(self.axes[n].points)) for n in able])
-            places = np.concatenate([self.axes[n].points[1:] for n in able])
+            owners, vertices, places = self._carriers()
             every = np.concatenate(self.samples)
-            flat = left.shape[1]
-            away = np.asarray(cKDTree(every[:, :flat]).query(left)[0])
+            away = np.asarray(cKDTree(every[:, :flat]).query(left[:, :flat])[0])
             left = left[away > 0.7 * spacing]
             if not len(left):
                 break
-            full = self._in_space(left, places) if flat == 2 else left
-            gap, nearest = (np.asarray(each) for each in cKDTree(places).query(full))
+            gap, nearest = (np.asarray(each) for each in cKDTree(places).query(left))
             order = np.argsort(gap, kind="stable")
             reach = max(float(gap[order[len(order) // 4]]), 1.5 * spacing)
             chosen = order[gap[order] <= reach][: settings.max_shoots - added]
             for target in chosen:
                 owner, vertex = int(owners[nearest[target]]), int(vertices[nearest[target]])
-                self.add(_bent(self.axes[owner], vertex, full[target]), owner, vertex)
+                self.add(_bent(self.axes[owner], vertex, left[target]), owner, vertex)
                 added += 1
-            stays = np.ones(len(left), bool)
-            stays[chosen] = False
-            left = left[stays]
+            left = np.delete(left, chosen, axis=0)
 
-    def _in_space(self, targets: Floats, places: Floats) -> Floats:
+    def _carriers(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+        """Branches and their vertices that shoots may leave from, and where these are."""
+        first = 1 if self.keeps_trunk else 0
+        able = [n for n, axis in enumerate(self.axes) if axis.order >= first]
+        owners = np.concatenate([np.full(len(self.axes[n].points) - 1, n) for n in able])
+        vertices = np.concatenate([np.arange(1, len(self.axes[n].points)) for n in able])
+        return owners, vertices, np.concatenate([self.axes[n].points[1:] for n in able])
+
+    def _in_space(self, targets: Floats) -> Floats:
         """(N, 3) targets of the picture, as deep as the branch that is nearest in the picture, or somewhat more."""
+        _, _, places = self._carriers()
         nearest = np.asarray(cKDTree(places[:, :2]).query(targets)[1])
         row, column, _ = self.bounds.rows_and_columns(targets)
         deep = self.bounds.half_depth[row, column].astype(np.float64)
