@@ -8,7 +8,7 @@ import pytest
 from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import main
 from usdfoliage.jobs.models import read_models
-from usdfoliage.sketch.strokes import Strokes, read_strokes, write_strokes
+from usdfoliage.sketch.strokes import Strokes, TreeStrokes, read_strokes, write_strokes
 
 from tests.support.photographs.drawn_trees import DrawnTree, draw_bare, draw_leafy
 
@@ -97,6 +97,27 @@ def test_a_tape_gives_the_scale(tmp_path):
     stage = Usd.Stage.Open(str(tmp_path / "oak" / "oak.usda"))
     matrix = np.array(stage.GetDefaultPrim().GetAttribute("foliage:captureToAsset").Get())
     assert np.linalg.norm(matrix[0, :3]) == pytest.approx(0.02)
+
+
+def test_a_large_photograph_is_made_of_a_smaller_picture(tmp_path):
+    tree = draw_leafy()
+    factor = 6
+    large = DrawnTree(
+        srgb=cv2.resize(tree.srgb, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST),
+        strokes=TreeStrokes(
+            crown_px=factor * tree.strokes.crown_px, branches_px=(factor * tree.strokes.branches_px[0],)
+        ),
+        leaves=tree.leaves,
+        branches=tree.branches,
+    )
+    photo, _ = write_tree(tmp_path, large)
+    assert main(["sketch", str(photo), "-o", str(tmp_path / "oak"), "--height", "4", "--no-crown", *SMALL]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "oak" / "oak.usda"))
+    asset_from_photo = np.array(stage.GetDefaultPrim().GetAttribute("foliage:captureToAsset").Get()).T
+    root_m = asset_from_photo @ [*(factor * tree.strokes.branches_px[0][0]), 0, 1]
+    np.testing.assert_allclose(root_m[:2], 0, atol=0.03)
+    top_px = np.nonzero(tree.leaves.any(axis=1))[0].min() * factor
+    assert (asset_from_photo @ [0, top_px, 0, 1])[1] == pytest.approx(4, rel=0.05)
 
 
 def test_several_trees_are_several_assets(tmp_path):

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +26,7 @@ from usdfoliage.sketch.strokes import TreeStrokes
 
 Floats = NDArray[np.float64]
 
+WORK_PX = 1500  # longer side of the picture that a tree is made of, as in the paper; a larger photograph is shrunk
 CROWN_SIZE = 128  # texels a side of its cubemaps
 _BARK_PX = 20  # pixels of a stem, of which its colour is known
 
@@ -46,7 +48,10 @@ class SketchModelSettings:
 class SketchModel:
     """A tree of a photograph, ready to be written."""
 
-    tree: SketchedTree
+    srgb: NDArray[np.uint8]  # (h, w, 3) the picture that it was made of
+    strokes: TreeStrokes  # in its pixels
+    tree: SketchedTree  # likewise
+    asset_from_photo: Floats  # (4, 4) as that of the tree, from the pixels of the photograph
     branches: PlantBranches
     leaves: GrownLeaves | None
     foliage: BranchLeaves | None
@@ -78,6 +83,16 @@ def model_tree(
     Raises:
         FoliageError: The strokes hold no tree.
     """
+    shrunk = min(1.0, WORK_PX / max(linear.shape[:2]))
+    if shrunk < 1:
+        width, height = (max(1, round(side * shrunk)) for side in linear.shape[1::-1])
+        linear = cv2.resize(linear, (width, height), interpolation=cv2.INTER_AREA)
+        strokes = TreeStrokes(
+            crown_px=strokes.crown_px * shrunk, branches_px=tuple(line * shrunk for line in strokes.branches_px)
+        )
+        if settings.tree.metres_per_px is not None:
+            scaled = replace(settings.tree, metres_per_px=settings.tree.metres_per_px / shrunk)
+            settings = replace(settings, tree=scaled)
     srgb = to_display(linear)
     with follow_step("tree", seconds, progress) as advance:
         tree = sketch_tree(srgb, strokes, settings.species, settings.tree, report=advance)
@@ -113,7 +128,15 @@ def model_tree(
             crown, of_crown = _crown(tree, linear, settings)
             remarks += of_crown
     return SketchModel(
-        tree=tree, branches=branches, leaves=leaves, foliage=foliage, crown=crown, remarks=tuple(remarks)
+        srgb=srgb,
+        strokes=strokes,
+        tree=tree,
+        asset_from_photo=tree.asset_from_photo @ np.diag([shrunk, shrunk, shrunk, 1.0]),
+        branches=branches,
+        leaves=leaves,
+        foliage=foliage,
+        crown=crown,
+        remarks=tuple(remarks),
     )
 
 

@@ -14,6 +14,7 @@ from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import write_picture
 from usdfoliage.jobs.report.table import ReportView, Row
 from usdfoliage.jobs.report.timings import write_step_times
+from usdfoliage.jobs.sketch.model import SketchModel
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import Remark, RenderSetting, list_sentences
 from usdfoliage.sketch.reconstruct import SketchedTree
@@ -69,17 +70,11 @@ def draw_sides(
     return tuple(ReportView(name=title, file=file) for title, _, file in SIDES)
 
 
-def write_sketch_report(
-    folder: Path,
-    report: SketchReport,
-    srgb: Picture,
-    strokes: TreeStrokes,
-    tree: SketchedTree,
-    drawn: Sequence[ReportView],
-) -> Path:
+def write_sketch_report(folder: Path, report: SketchReport, model: SketchModel, drawn: Sequence[ReportView]) -> Path:
     """Write index.html and its pictures into folder, which holds those of drawn; returns the page."""
+    srgb, tree = model.srgb, model.tree
     pictures = (
-        ("strokes.jpg", "The strokes: the crown in red, branches in blue", draw_strokes(srgb, strokes)),
+        ("strokes.jpg", "The strokes: the crown in red, branches in blue", draw_strokes(srgb, model.strokes)),
         ("foliage.jpg", "The pixels that are leaves of the tree", draw_foliage(srgb, tree)),
         ("traced.jpg", "Branches that were traced from the strokes", draw_traced(srgb, tree)),
         ("growth.jpg", "How the tree grew: branches of the photograph in brown", draw_growth(tree)),

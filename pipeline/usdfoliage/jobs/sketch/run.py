@@ -153,7 +153,7 @@ def _make_tree(request: SketchRequest, given: SketchInput, progress: StepProgres
                 folder,
                 request.name,
                 provenance=_provenance(request),
-                asset_from_capture=model.tree.asset_from_photo,
+                asset_from_capture=model.asset_from_photo,
                 branches=model.branches,
                 foliage=model.foliage,
                 crown=model.crown,
@@ -174,7 +174,7 @@ def _make_tree(request: SketchRequest, given: SketchInput, progress: StepProgres
             render_setting=request.render_setting,
             seconds=seconds if request.times else {},
         )
-        write_sketch_report(report_folder, report, to_display(given.photo.linear), strokes, model.tree, drawn)
+        write_sketch_report(report_folder, report, model, drawn)
     return WrittenSketch(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
