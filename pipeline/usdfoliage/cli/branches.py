@@ -23,6 +23,7 @@ from usdfoliage.cli.options.leaf_commands import (
     add_seed,
     add_writing,
 )
+from usdfoliage.cli.options.motion import add_motion
 from usdfoliage.cli.options.setting_help import state_default
 from usdfoliage.files.write_gate import Access
 
@@ -47,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_tracing(parser.add_argument_group("branches"))
     _add_species(parser.add_argument_group("species"))
     _add_leaves(parser.add_argument_group("leaves"))
-    _add_motion(parser.add_argument_group("motion"))
+    add_motion(parser.add_argument_group("motion"))
     run_options = parser.add_argument_group("this run")
     add_seed(run_options, BranchesRequest.seed, 62)
     add_no_preview(run_options)
@@ -183,39 +184,6 @@ def _add_leaves(parser: argparse._ActionsContainer) -> None:
     )
     add_representation(parser)
     add_resolution(parser)
-
-
-def _add_motion(parser: argparse._ActionsContainer) -> None:
-    from usdfoliage.branch.motion.rig import RigSettings
-    from usdfoliage.branch.motion.sway_frames import MAX_FRAMES
-
-    parser.add_argument(
-        "--rig", action="store_true", help="Write joints that turn the branches (UsdSkel), in the variant rig=skel."
-    )
-    parser.add_argument(
-        "--rig-order",
-        metavar="N",
-        type=int,
-        help="Branches up to this order have a joint, 0 or more; finer branches follow their parent. The default is "
-        f"{RigSettings.order}.",
-    )
-    parser.add_argument(
-        "--sway",
-        metavar="FRAMES",
-        type=int,
-        help=f"Write a gentle sway of the rig as a loop of so many frames, 2 to {MAX_FRAMES}. It includes --rig.",
-    )
-    parser.add_argument(
-        "--sway-clips",
-        action="store_true",
-        help="Write the sway as value clips, which a shot can loop, shift and stretch, in place of time samples.",
-    )
-    parser.add_argument(
-        "--growth",
-        metavar="FRAMES",
-        type=int,
-        help="Write the growth of the plant in so many frames, 2 or more, in the variant growth=growing.",
-    )
 
 
 def declare(options: argparse.Namespace) -> Access:

@@ -24,6 +24,7 @@ from usdfoliage.cli.options.leaf_commands import (
     add_seed,
     add_writing,
 )
+from usdfoliage.cli.options.motion import add_motion
 from usdfoliage.files.write_gate import Access
 
 
@@ -116,6 +117,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="The tree has this many leaves at most, 1 or more; the default is %(default)s.",
     )
     leaves.add_argument("--no-crown", action="store_true", help="The asset has no crown for the distance.")
+    add_motion(parser.add_argument_group("motion"))
     run_options = parser.add_argument_group("this run")
     add_seed(run_options, SketchSettings.seed, 31)
     add_no_preview(run_options)

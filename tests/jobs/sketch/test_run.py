@@ -120,6 +120,17 @@ def test_a_large_photograph_is_made_of_a_smaller_picture(tmp_path):
     assert (asset_from_photo @ [0, top_px, 0, 1])[1] == pytest.approx(4, rel=0.05)
 
 
+def test_it_sways_and_grows_on_request(tmp_path):
+    photo, _ = write_tree(tmp_path, draw_bare())
+    words = ["--sway", "4", "--growth", "3", "--rig-order", "1"]
+    assert main(["sketch", str(photo), "-o", str(tmp_path / "ash"), *words, *SMALL]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "ash" / "ash.usda"))
+    sets = stage.GetDefaultPrim().GetVariantSets()
+    assert sets.GetVariantSet("rig").GetVariantNames() == ["none", "skel"]
+    assert sets.GetVariantSet("growth").GetVariantNames() == ["growing", "still"]
+    assert main(["validate", str(tmp_path / "ash")]) == 0
+
+
 def test_several_trees_are_several_assets(tmp_path):
     photo, _ = write_tree(tmp_path, draw_leafy(), trees=2)
     assert main(["sketch", str(photo), "-o", str(tmp_path / "out"), "--no-crown", *SMALL]) == 0

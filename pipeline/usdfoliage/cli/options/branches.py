@@ -9,16 +9,13 @@ from usdfoliage.asset.plant import asset_name
 from usdfoliage.branch.allometry import AllometrySettings
 from usdfoliage.branch.foliage.place import FoliageSettings
 from usdfoliage.branch.foliage.species import GENERIC, Species, load_species
-from usdfoliage.branch.motion.rig import RigSettings
-from usdfoliage.branch.motion.sway import SwaySettings
-from usdfoliage.branch.motion.sway_frames import MAX_FRAMES
 from usdfoliage.branch.tracing.radii import RadiusSettings
 from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.cli.options.leaf_commands import name_option, read_resolution
+from usdfoliage.cli.options.motion import read_motion
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.branches.foliage import FITTED, NONE, FoliageRequest
-from usdfoliage.jobs.branches.motion import BranchMotion
 from usdfoliage.jobs.branches.regrowth import MAX_SPREAD, MAX_VARIATIONS, RegrowthRequest
 from usdfoliage.jobs.branches.run import BranchesRequest
 from usdfoliage.jobs.branches.surfaces import MIN_MAX_FACES
@@ -53,7 +50,7 @@ def read_branches_request(options: argparse.Namespace) -> BranchesRequest:
         species=species.name if species else "",
         regrowth=_read_regrowth(options),
         foliage=_read_foliage(options, species),
-        motion=_read_motion(options),
+        motion=read_motion(options),
         asset=bark,
         max_faces=_read_max_faces(options),
         seed=options.seed,
@@ -128,24 +125,3 @@ def _read_regrowth(options: argparse.Namespace) -> RegrowthRequest:
         variation_spread=options.variation_spread,
         internode_m=options.internode,
     )
-
-
-def _read_motion(options: argparse.Namespace) -> BranchMotion:
-    """The motion that a command line asks for."""
-    rig = sway = None
-    has_rig = options.rig or options.sway is not None
-    if options.rig_order is not None and not has_rig:
-        raise FoliageError("--rig-order is of a rig", "add --rig or --sway")
-    if options.rig_order is not None and options.rig_order < 0:
-        raise FoliageError(f"--rig-order must be 0 or more, not {options.rig_order}")
-    if options.growth is not None and options.growth < 2:
-        raise FoliageError(f"--growth must be 2 frames or more, not {options.growth}")
-    if options.sway is not None and not 2 <= options.sway <= MAX_FRAMES:
-        raise FoliageError(f"--sway must be 2 to {MAX_FRAMES} frames, not {options.sway}")
-    if has_rig:
-        rig = RigSettings() if options.rig_order is None else RigSettings(order=options.rig_order)
-    if options.sway is not None:
-        sway = SwaySettings(frames=options.sway)
-    elif options.sway_clips:
-        raise FoliageError("--sway-clips is of a sway", "add --sway")
-    return BranchMotion(rig=rig, sway=sway, sway_clips=options.sway_clips, growth_frames=options.growth or 0)

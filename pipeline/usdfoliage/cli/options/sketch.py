@@ -5,6 +5,7 @@ import math
 
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.branch.foliage.species import GENERIC, load_species
+from usdfoliage.cli.options.motion import read_motion
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.sketch.model import SketchModelSettings
@@ -54,6 +55,7 @@ def read_sketch_request(options: argparse.Namespace) -> SketchRequest:
             max_leaves=options.max_leaves,
             has_leaves=_LEAVES[options.leaves],
             has_crown=not options.no_crown,
+            motion=read_motion(options),
         ),
         force=options.force,
         keep_old=options.keep_old,

@@ -15,6 +15,7 @@ from usdfoliage.errors import FitError
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
 from usdfoliage.geometry.directions import unit_vectors
 from usdfoliage.jobs.branches.foliage import TEMPLATE, FoliageRequest, GrownLeaves, grow_leaves
+from usdfoliage.jobs.branches.motion import BranchMotion, grow_near_leaves, rig_branches, rig_near_leaves
 from usdfoliage.jobs.branches.surfaces import build_surfaces
 from usdfoliage.jobs.crown.photograph import CrownSettings, reconstruct_crown
 from usdfoliage.leaf.model import LeafOrigin
@@ -42,6 +43,7 @@ class SketchModelSettings:
     has_leaves: bool | None = None  # None: where the photograph shows any
     has_crown: bool = True
     max_faces: int = 200_000  # of the surface of branches
+    motion: BranchMotion = field(default_factory=BranchMotion)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,6 +124,8 @@ def model_tree(
             remarks += leaves.remarks
     elif settings.has_leaves is None:
         remarks.append(remark("tree-without-leaves", "the photograph shows twigs and no leaves; the tree has none"))
+    with follow_step("motion", seconds, progress):
+        branches = _with_motion(branches, foliage, settings)
     crown = None
     if settings.has_crown and has_leaves:
         with follow_step("crown", seconds, progress):
@@ -138,6 +142,21 @@ def model_tree(
         crown=crown,
         remarks=tuple(remarks),
     )
+
+
+def _with_motion(branches: PlantBranches, foliage: BranchLeaves | None, settings: SketchModelSettings) -> PlantBranches:
+    """The branches with the rig, the sway and the growth that were asked for."""
+    skeleton, surfaces, motion = branches.skeleton.skeleton, branches.surfaces, settings.motion
+    leaves = None if foliage is None or not len(foliage.leaves) else foliage.leaves
+    rig = rig_branches(skeleton, surfaces, motion, settings.tree.seed)
+    growth = None
+    if motion.growth_frames:
+        species = settings.species
+        growth = grow_near_leaves(skeleton, surfaces, motion, species.internode_m, species.exponent, leaves)
+    rigged = None
+    if rig is not None and leaves is not None:
+        rigged = rig_near_leaves(rig, skeleton, leaves, np.unique(surfaces.whole.curve))
+    return replace(branches, rig=rig, growth=growth, rigged_leaves=rigged)
 
 
 def _grow_leaves(tree: SketchedTree, branches: PlantBranches, settings: SketchModelSettings) -> GrownLeaves:

@@ -31,7 +31,7 @@ from usdfoliage.remarks import (
 from usdfoliage.sketch.proposal import propose_strokes
 from usdfoliage.sketch.strokes import Strokes, TreeStrokes, check_strokes, read_strokes, write_strokes
 
-STEPS = ("tree", "surface", "leaves", "crown", "asset", "preview")
+STEPS = ("tree", "surface", "leaves", "motion", "crown", "asset", "preview")
 STROKES = "strokes.json"  # in the asset's folder
 
 
@@ -244,6 +244,7 @@ def describe_settings(request: SketchRequest) -> dict[str, str]:
         "species-parameters": describe_species(settings.species),
         "leaf-length": "auto" if settings.leaf_length_m is None else f"{settings.leaf_length_m:g}",
         "most-leaves": str(settings.max_leaves),
+        **settings.motion.describe(),
         "seed": str(settings.tree.seed),
         "color-space": request.color_space or "as the file states",
     }
