@@ -15,7 +15,7 @@ from usdfoliage.sketch.thickness import OF_PARENT, find_radii
 from usdfoliage.sketch.tracing import TracedBranch, TracedTree
 
 GENERIC = load_species("generic")
-FAST = SketchGrowthSettings(iterations=30, max_shoots=600)
+FAST = SketchGrowthSettings(iterations=30, image_shoots=0.03, max_shoots=600)
 
 
 def disc(height=240, width=200, radius=80):

@@ -33,9 +33,9 @@ class SketchGrowthSettings:
     nearest: float = 0.35  # of its length, that the end of a new branch keeps from others
     shortest: float = 0.06  # of the crown's size: no shorter branch is replaced
     min_gain: float = 1e-3  # of the sum of distances; less ends the growth of that kind
-    image_shoots: float = 0.03  # of the crown's size, between the ends of shoots in the picture
+    image_shoots: float = 0.024  # of the crown's size, between the ends of shoots in the picture
     space_shoots: float = 0.08  # and in space
-    max_shoots: int = 1500
+    max_shoots: int = 2000
     from_trunk: int = 3  # traced branches, from which on none grows from a trunk
 
     def __post_init__(self) -> None:

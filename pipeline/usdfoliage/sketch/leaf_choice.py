@@ -10,7 +10,7 @@ from usdfoliage.sketch.bounds import CrownBounds
 
 Floats = NDArray[np.float64]
 
-_ALONG = (0.35, 0.75)  # of a leaf, places that must be over leaves of the picture
+_ALONG = (0.4, 0.95)  # of a leaf, places that must be over leaves of the picture
 _NEIGHBOURS = 8
 
 
