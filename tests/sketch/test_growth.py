@@ -10,6 +10,7 @@ from usdfoliage.sketch.axes import Axis, sample_axis, skeleton_of
 from usdfoliage.sketch.bounds import bound_crown
 from usdfoliage.sketch.growth import SketchGrowthSettings, grow_axes, thin_out
 from usdfoliage.sketch.into_space import turn_into_space
+from usdfoliage.sketch.leaf_choice import fit_leaves
 from usdfoliage.sketch.subtrees import MAX_SUBTREES, build_library, place_subtree, predefined_subtrees
 from usdfoliage.sketch.thickness import OF_PARENT, find_radii
 from usdfoliage.sketch.tracing import TracedBranch, TracedTree
@@ -176,3 +177,19 @@ def test_an_axis_is_sampled_to_its_end():
     points = sample_axis(np.array([[0.0, 0, 0], [10, 0, 0], [10, 5, 0]]), 3.0)
     assert len(points) == 4 + 2
     np.testing.assert_array_equal(points[-1], [10, 5, 0])
+
+
+def test_leaves_have_the_colours_of_leaves_and_never_of_the_sky(bounds):
+    rng = np.random.default_rng(0)
+    mask = disc() & (rng.random((240, 200)) < 0.7)
+    linear = np.where(mask[..., None], [0.1, 0.3, 0.05], [0.2, 0.4, 0.9]).astype(np.float32)
+    base = np.column_stack([rng.uniform(40, 160, 500), -rng.uniform(40, 160, 500), rng.uniform(-60, 60, 500)])
+    along = np.tile([0.0, 1.0, 0.0], (500, 1))
+    fitting = fit_leaves(base, along, np.full(500, 8.0), bounds, linear, mask, rng)
+    np.testing.assert_allclose(
+        fitting.color[fitting.kept], np.tile([0.1, 0.3, 0.05], (fitting.kept.sum(), 1)), rtol=1e-6
+    )
+    tips = base + 8 * along
+    away = np.hypot(tips[:, 0] - 100, -tips[:, 1] - 100)
+    assert not fitting.kept[away > 83].any()
+    assert fitting.kept[(away < 70) & (np.hypot(base[:, 0] - 100, -base[:, 1] - 100) < 70)].all()

@@ -183,6 +183,7 @@ def _leaves_of_picture(
         leaves.length_m * scale,
         tree.bounds,
         linear,
+        tree.foliage.mask,
         np.random.default_rng([settings.tree.seed, 1]),
     )
     kept = np.flatnonzero(fitting.kept)
