@@ -14,6 +14,7 @@ from scipy.interpolate import griddata
 from usdfoliage.crown.silhouette import SilhouetteSettings, fit_star_silhouette
 from usdfoliage.crown.surface import SurfaceSettings, inflate_silhouette
 from usdfoliage.errors import FitError
+from usdfoliage.sketch.drawing import close_gaps
 
 Floats = NDArray[np.float64]
 
@@ -65,30 +66,20 @@ def bound_crown(leaves: NDArray[np.bool_], depth: float = 1.0) -> CrownBounds:
         raise FitError("the crown's stroke holds no leaves", "draw the stroke around the leaves of the tree")
     width_px = float(np.ptp(columns) + 1)
     reach = max(1, round(_CLOSED * width_px / 2))
-    padded = np.pad(leaves.astype(np.uint8), 2 * reach)
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, kernel)[2 * reach : -2 * reach, 2 * reach : -2 * reach]
+    closed = close_gaps(leaves, reach).astype(np.uint8)
     filled = np.zeros_like(closed)
     contours, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     large = [each for each in contours if cv2.contourArea(each) > 0.0005 * width_px**2]
     cv2.drawContours(filled, large or contours, -1, 1, cv2.FILLED)
     inside = filled > 0
     return CrownBounds(
-        leaves=_near_leaves(leaves, width_px) & inside,
+        # A leaf in space may cover a narrow gap.
+        leaves=close_gaps(leaves, max(1, round(_NARROW * width_px))) & inside,
         inside=inside,
         half_depth=np.where(inside, np.maximum(depth * _inflate(inside), _thinnest_depth(inside, width_px)), 0).astype(
             np.float32
         ),
     )
-
-
-def _near_leaves(leaves: NDArray[np.bool_], width_px: float) -> NDArray[np.bool_]:
-    """Leaves with the narrow gaps between them, which a leaf in space may cover."""
-    reach = max(1, round(_NARROW * width_px))
-    padded = np.pad(leaves.astype(np.uint8), 2 * reach)
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, kernel)[2 * reach : -2 * reach, 2 * reach : -2 * reach]
-    return np.asarray(closed > 0)
 
 
 def _thinnest_depth(inside: NDArray[np.bool_], width_px: float) -> NDArray[np.float32]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.sky import segment_sky
+from usdfoliage.sketch.drawing import SHIFT, dilate, fixed_points
 from usdfoliage.sketch.minimum_cut import cut_pixels
 from usdfoliage.sketch.mixtures import Mixture, fit_mixture, log_density, log_parts
 
@@ -105,10 +106,10 @@ def find_foliage(
     colors = cv2.resize(srgb[y0:y1, x0:x1], small, interpolation=cv2.INTER_AREA).astype(np.float64)
     stroke = (crown_px - [x0, y0]) * [small[0] / (x1 - x0), small[1] / (y1 - y0)]
     inner = fill_outline(stroke, small)
-    inside = _dilate(inner, grown_px * scale)
+    inside = dilate(inner, grown_px * scale)
     if not inner.any():
         raise ValueError("nothing of the picture is inside of the stroke")
-    ring = _dilate(inside, settings.around * scale * max(high - low)) & ~inside
+    ring = dilate(inside, settings.around * scale * max(high - low)) & ~inside
     row = np.arange(small[1])[:, None]
     above = ring & (row < stroke[:, 1].max() - settings.low * np.ptp(stroke[:, 1]))
     ring = above if above.sum() > 0.1 * ring.sum() else ring
@@ -175,7 +176,7 @@ def _are_twigs(
     own = found[light <= np.median(light)].mean(axis=0)
     stem = np.zeros(mask.shape, np.uint8)
     for line in branches_px:
-        cv2.polylines(stem, [np.round((line - 0.5) * 16).astype(np.int32)], False, 1, 3, shift=4)
+        cv2.polylines(stem, [fixed_points(line)], False, 1, 3, shift=SHIFT)
     below = (stem > 0) & ~inside
     if below.sum() < _STEM_PIXELS:
         red, green, blue = own
@@ -261,17 +262,11 @@ def _green_or_red(mean: Floats) -> Floats:
 def fill_outline(outline_px: Floats, size: tuple[int, int]) -> NDArray[np.bool_]:
     """(H, W) the pixels inside of a closed outline (N, 2), where it crosses itself by the even-odd rule's union."""
     drawn = np.zeros(size[::-1], np.uint8)
-    points = np.round((outline_px - 0.5) * 16).astype(np.int32)
-    cv2.fillPoly(drawn, [points], 1, lineType=cv2.LINE_8, shift=4)
+    cv2.fillPoly(drawn, [fixed_points(outline_px)], 1, lineType=cv2.LINE_8, shift=SHIFT)
     # What a crossing stroke leaves out in the middle is inside as well.
     contours, _ = cv2.findContours(drawn, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(drawn, contours, -1, 1, cv2.FILLED)
     return drawn > 0
-
-
-def _dilate(mask: NDArray[np.bool_], by_px: float) -> NDArray[np.bool_]:
-    away = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(away <= by_px)
 
 
 def _enlarge(mask: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_]:

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from usdfoliage.progress import Progress
 from usdfoliage.sketch.axes import Axis, sample_axis
 from usdfoliage.sketch.bounds import CrownBounds
+from usdfoliage.sketch.drawing import arc_lengths
 from usdfoliage.sketch.subtrees import Subtree, place_subtree
 
 Floats = NDArray[np.float64]
@@ -219,7 +220,7 @@ class _Growth:
     def _vertex(self, number: int, at: float, offset: int) -> int:
         """The vertex of a branch that is nearest to a share of its way, past an offset; never its first."""
         points = self.axes[number].points[offset:]
-        arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        arc = arc_lengths(points)
         return max(1, offset + int(np.argmin(np.abs(arc - at * arc[-1]))))
 
     def add(self, line: Floats, parent: int, vertex: int) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.sketch.axes import Axis, sample_axis
 from usdfoliage.sketch.bounds import CrownBounds
+from usdfoliage.sketch.drawing import arc_lengths
 from usdfoliage.sketch.tracing import TracedTree
 
 Floats = NDArray[np.float64]
@@ -46,7 +47,7 @@ def turn_into_space(tree: TracedTree, bounds: CrownBounds, settings: TurningSett
     samples: list[Floats] = []
     for branch in tree.branches:
         flat = branch.points_px * [1, -1]
-        along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(flat, axis=0), axis=1))])
+        along = arc_lengths(flat)
         parent = axes[branch.parent] if branch.parent >= 0 else None
         base_z = 0.0 if parent is None else float(parent.points[branch.parent_point, 2])
         best = np.column_stack([flat, np.full(len(flat), base_z)])

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from usdfoliage.branch.foliage.species import Species
 from usdfoliage.geometry.directions import unit_vectors
 from usdfoliage.sketch.axes import Axis
+from usdfoliage.sketch.drawing import arc_lengths, points_at
 
 Floats = NDArray[np.float64]
 
@@ -75,11 +76,15 @@ def traced_subtrees(axes: Sequence[Axis]) -> list[Subtree]:
         if len(children) < 2 or size <= 0 or support.order == 0:
             continue
         turn = _frame(along / size).T
-        arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(support.points, axis=0), axis=1))])
+        arc = arc_lengths(support.points)
         at, lines = [], []
         for child in children:
             share = float(arc[child.parent_point] / max(arc[-1], 1e-9))
-            line = (_resample(child.points, POINTS) - child.points[0]) @ turn.T / size
+            line = (
+                (points_at(child.points, np.linspace(0, arc_lengths(child.points)[-1], POINTS)) - child.points[0])
+                @ turn.T
+                / size
+            )
             at.append(share)
             lines.append(line + np.array([0, share, 0]))
         found.append(Subtree(at=np.array(at), children=np.array(lines)))
@@ -91,8 +96,7 @@ def place_subtree(subtree: Subtree, support: Floats, rotations: int) -> Floats:
     along = support[-1] - support[0]
     size = float(np.linalg.norm(along))
     frame = _frame(along / max(size, 1e-9))
-    arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(support, axis=0), axis=1))])
-    base = np.stack([np.interp(subtree.at * arc[-1], arc, support[:, k]) for k in range(3)], axis=-1)
+    base = points_at(support, subtree.at * arc_lengths(support)[-1])
     turn = 2 * np.pi * np.arange(rotations) / rotations
     cosine, sine, zero, one = np.cos(turn), np.sin(turn), np.zeros(rotations), np.ones(rotations)
     about = np.stack([cosine, zero, sine, zero, one, zero, -sine, zero, cosine], axis=-1).reshape(-1, 3, 3)
@@ -121,8 +125,3 @@ def _frame(along: Floats) -> Floats:
     helper = np.array([1.0, 0, 0]) if abs(along[0]) < 0.9 else np.array([0, 0, 1.0])
     across = unit_vectors(np.cross(along, np.cross(helper, along))[None])[0]
     return np.stack([across, along, np.cross(across, along)], axis=-1)
-
-
-def _resample(line: Floats, count: int) -> Floats:
-    arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    return np.stack([np.interp(np.linspace(0, arc[-1], count), arc, line[:, k]) for k in range(3)], axis=-1)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.sketch.axes import Axis
+from usdfoliage.sketch.drawing import arc_lengths
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +34,7 @@ def find_radii(axes: Sequence[Axis], exponent: float | None, tip_px: float, stem
             carried[axes[number].parent] += carried[number]
     radii: list[Floats] = []
     for number, axis in enumerate(axes):
-        arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(axis.points, axis=0), axis=1))])
+        arc = arc_lengths(axis.points)
         share = arc / max(arc[-1], 1e-9)
         if axis.parent < 0:
             radii.append(_trunk_radius(axis, share, max(_seen_at_root(axis) or stem_px, 2 * tip_px), tip_px))

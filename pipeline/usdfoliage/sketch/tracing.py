@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from usdfoliage.sketch.drawing import SHIFT, arc_lengths, dilate, fixed_points, points_at
 from usdfoliage.sketch.foliage import Foliage, fill_outline
 from usdfoliage.sketch.mixtures import Mixture, fit_mixture, log_density
 from usdfoliage.sketch.strokes import TreeStrokes
@@ -29,7 +30,7 @@ _FEW_COLORS = 0.2  # share of the colours under the strokes, that is enough if a
 _UNSEEN = 0.7  # pixels: half of the thickness of a branch that the picture does not show
 _HIDDEN = 0.02  # weight of a point of a stroke that shows no branch, where a stroke is made smooth
 _ONWARD = 0.7  # cosine of the angle by which a branch turns at most where a stroke of it ends
-_NONE = -2  # a pixel on a way that is no branch
+_FREE, _NONE = -1, -2  # a pixel of no branch yet, and one on a way that is none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +95,7 @@ def branch_odds(
     scale = max(height, width) / _PAPER_PX
     under = np.zeros((height, width), np.uint8)
     for line in strokes.branches_px:
-        cv2.polylines(under, [_fixed(line)], False, 1, max(1, round(settings.stroke_width * scale)), shift=4)
+        cv2.polylines(under, [fixed_points(line)], False, 1, max(1, round(settings.stroke_width * scale)), shift=SHIFT)
     beside = cv2.dilate(under, np.ones((3, 3), np.uint8), iterations=max(1, round(6 * scale)))
     colors = srgb.astype(np.float64)
     visible = under > 0
@@ -134,7 +135,7 @@ def trace_tree(
     depth = cv2.distanceTransform(is_branch.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     drawn = _draw_along(strokes, depth, scale, settings)
     crown = fill_outline(strokes.crown_px, (width, height))
-    domain = _within(crown, settings.beyond * float(np.ptp(strokes.crown_px[:, 0])))
+    domain = dilate(crown, settings.beyond * float(np.ptp(strokes.crown_px[:, 0])))
     growth = _Growth(depth, drawn)
     paths = _cheapest_paths(odds, depth, domain, growth.owner >= 0, scale, settings)
     shortest = settings.shortest * scale
@@ -163,8 +164,7 @@ def _cheapest_paths(
     """Ways along the middle of branches, and across short gaps, from the pixels where they begin."""
     shows = (odds > 0) & (domain | begin)
     gap = max(1.5, settings.gap * scale)
-    near = cv2.distanceTransform((~shows).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= gap
-    node = (near & domain) | begin
+    node = (dilate(shows, gap) & domain) | begin
     number = np.full(odds.shape, -1, np.int64)
     number[node] = np.arange(np.count_nonzero(node))
     # A pixel in the middle costs less than one of the border, and one that shows no branch the most.
@@ -209,7 +209,7 @@ class _Growth:
     def __init__(self, depth: NDArray[np.float32], drawn: list[tuple[Floats, Floats]]) -> None:
         self.depth = depth
         self.width = depth.shape[1]
-        self.owner = np.full(depth.shape, -1, np.int32)  # branch that covers a pixel
+        self.owner = np.full(depth.shape, _FREE, np.int32)  # branch that covers a pixel
         self.point = np.full(depth.shape, -1, np.int32)  # and which point of it
         self.branches: list[_Growing] = []
         for points, half in drawn:
@@ -236,7 +236,7 @@ class _Growth:
         marked = np.zeros(self.owner.shape, np.int32)
         for at in range(len(branch.points) - 1):
             wide = max(3, round(2 * float(branch.half[at : at + 2].max()) + 3))
-            cv2.polylines(marked, [_fixed(branch.points[at : at + 2])], False, at + 1, wide, shift=4)
+            cv2.polylines(marked, [fixed_points(branch.points[at : at + 2])], False, at + 1, wide, shift=SHIFT)
         new = free & (marked > 0)
         self.owner[new] = number
         self.point[new] = marked[new] - 1
@@ -244,10 +244,10 @@ class _Growth:
     def add_path(self, paths: _Paths, end: int, shortest: float, settings: TraceSettings) -> None:
         """A branch along the way to a pixel, from the branch that it comes from, where it is long and sure enough."""
         owner, point = self.owner.ravel(), self.point.ravel()
-        if owner[end] != -1:
+        if owner[end] != _FREE:
             return
         track = [end]
-        while owner[track[-1]] < 0 and owner[track[-1]] != _NONE and paths.before[track[-1]] >= 0:
+        while owner[track[-1]] == _FREE and paths.before[track[-1]] >= 0:
             track.append(int(paths.before[track[-1]]))
         last = track[-1]
         if owner[last] == _NONE:  # it joins a way that was too short
@@ -255,10 +255,10 @@ class _Growth:
             return
         pixels = np.array(track[::-1])
         places = np.stack([pixels % self.width + 0.5, pixels // self.width + 0.5], axis=-1)
-        arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
+        arc = arc_lengths(places)
         parent, at = int(owner[last]), int(point[last])
         visible = paths.shows[pixels].mean()
-        half = np.maximum(self.depth.ravel()[pixels], 0.7)
+        half = np.maximum(self.depth.ravel()[pixels], _UNSEEN)
         carrying = self.branches[parent]
         at += int(np.linalg.norm(carrying.points[at + 1] - places[0]) < np.linalg.norm(carrying.points[at] - places[0]))
         if (
@@ -266,7 +266,7 @@ class _Growth:
             or visible < settings.through
             or np.median(half) > settings.widest * float(carrying.half[at]) + 0.5
         ):
-            owner[pixels[owner[pixels] == -1]] = _NONE
+            owner[pixels[owner[pixels] == _FREE]] = _NONE
             return
         line = _even(_smooth(places), max(3.0, 0.1 * shortest))
         along = np.interp(np.linspace(0, arc[-1], len(line)), arc, half)
@@ -332,7 +332,7 @@ def _half_along(half: Floats, shows: NDArray[np.bool_]) -> Floats:
         return np.full(len(half), _UNSEEN)
     at = np.arange(len(half))
     known = np.interp(at, at[shows], half[shows])
-    return np.maximum(known, 0.7)
+    return np.maximum(known, _UNSEEN)
 
 
 def _fair(points: Floats, weight: Floats) -> Floats:
@@ -370,11 +370,6 @@ def _smooth(points: Floats) -> Floats:
     return smooth
 
 
-def _within(mask: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
-    away = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(away <= reach)
-
-
 def _joints(points: Floats, forks: set[int]) -> NDArray[np.int64]:
     """The points that stay: ends, forks, and where the branch has turned by 30 degrees, or left the chord."""
     stays = [0]
@@ -396,15 +391,8 @@ def _joints(points: Floats, forks: set[int]) -> NDArray[np.int64]:
 
 def _even(line: Floats, step: float) -> Floats:
     """Points along a line at even distances, its ends included."""
-    arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    count = max(2, int(np.ceil(arc[-1] / step)) + 1)
-    at = np.linspace(0, arc[-1], count)
-    return np.stack([np.interp(at, arc, line[:, k]) for k in range(2)], axis=-1)
-
-
-def _fixed(line: Floats) -> NDArray[np.int32]:
-    """Points for OpenCV, in sixteenths of a pixel; its pixels have their middles at whole numbers."""
-    return np.round((line - 0.5) * 16).astype(np.int32)
+    length = arc_lengths(line)[-1]
+    return points_at(line, np.linspace(0, length, max(2, int(np.ceil(length / step)) + 1)))
 
 
 def _distances(one: Mixture, other: Mixture) -> Floats:

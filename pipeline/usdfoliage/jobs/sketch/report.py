@@ -17,6 +17,7 @@ from usdfoliage.jobs.report.timings import write_step_times
 from usdfoliage.jobs.sketch.model import SketchModel
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import Remark, RenderSetting, list_sentences
+from usdfoliage.sketch.drawing import SHIFT, fixed_points
 from usdfoliage.sketch.reconstruct import SketchedTree
 from usdfoliage.sketch.strokes import TreeStrokes
 
@@ -101,9 +102,9 @@ def write_sketch_report(folder: Path, report: SketchReport, model: SketchModel, 
 def draw_strokes(srgb: Picture, strokes: TreeStrokes) -> Picture:
     """The photograph with the strokes over it."""
     picture, scale = _shrink(srgb)
-    cv2.polylines(picture, [_fixed(strokes.crown_px * scale)], True, _RED, 2, cv2.LINE_AA, 4)
+    cv2.polylines(picture, [fixed_points(strokes.crown_px * scale)], True, _RED, 2, cv2.LINE_AA, SHIFT)
     for line in strokes.branches_px:
-        cv2.polylines(picture, [_fixed(line * scale)], False, _BLUE, 2, cv2.LINE_AA, 4)
+        cv2.polylines(picture, [fixed_points(line * scale)], False, _BLUE, 2, cv2.LINE_AA, SHIFT)
     return picture
 
 
@@ -120,7 +121,7 @@ def draw_traced(srgb: Picture, tree: SketchedTree) -> Picture:
     picture, scale = _shrink(srgb)
     for branch in tree.traced.branches:
         color = _BLUE if branch.drawn else _RED
-        cv2.polylines(picture, [_fixed(branch.points_px * scale)], False, color, 2, cv2.LINE_AA, 4)
+        cv2.polylines(picture, [fixed_points(branch.points_px * scale)], False, color, 2, cv2.LINE_AA, SHIFT)
     return picture
 
 
@@ -143,7 +144,7 @@ def draw_growth(tree: SketchedTree) -> Picture:
                 flat = np.stack([axis.points[:, across] - middle, high[1] - axis.points[:, 1]], axis=-1)
                 flat = flat * (0.94 * side_px / size) + [side_px / 2, 0.03 * side_px]
                 color = _GREEN if axis.inferred else _BROWN
-                cv2.polylines(cell, [_fixed(flat)], False, color, 2 if axis.order == 0 else 1, cv2.LINE_AA, 4)
+                cv2.polylines(cell, [fixed_points(flat)], False, color, 2 if axis.order == 0 else 1, cv2.LINE_AA, SHIFT)
             row.append(cell)
         rows.append(np.hstack(row))
     return np.vstack(rows)
@@ -153,7 +154,3 @@ def _shrink(srgb: Picture) -> tuple[Picture, float]:
     scale = min(1.0, PICTURE_PX / max(srgb.shape[:2]))
     size = max(1, round(srgb.shape[1] * scale)), max(1, round(srgb.shape[0] * scale))
     return np.ascontiguousarray(cv2.resize(srgb, size, interpolation=cv2.INTER_AREA)), scale
-
-
-def _fixed(line: NDArray[np.float64]) -> NDArray[np.int32]:
-    return np.round((line - 0.5) * 16).astype(np.int32)
