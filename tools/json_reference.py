@@ -113,6 +113,7 @@ def commands() -> dict[str, dict[str, Any]]:
         "info": {"anyOf": [schema_of(AssetInfo), schema_of(PlainLook)]},
         "leaves": made(withheld=figures),
         "scatter": made(),
+        "sketch": made(),
         "task": steps,
         "validate": keys(validated),
     }

@@ -10,6 +10,7 @@ from usdfoliage.__main__ import main
 from usdfoliage.jobs.models import read_models
 from usdfoliage.sketch.strokes import Strokes, TreeStrokes, read_strokes, write_strokes
 
+from tests.support.commands.json_output import read_output
 from tests.support.photographs.drawn_trees import DrawnTree, draw_bare, draw_leafy
 
 SMALL = ["--no-preview", "--most-leaves", "1500", "--reproducible"]
@@ -68,11 +69,12 @@ def test_from_the_front_it_is_the_photograph(leafy):
     assert depth_m.std() / base_m[:, 0].std() == pytest.approx(1, abs=0.25)
 
 
-def test_the_same_strokes_give_the_same_bytes(leafy, tmp_path):
+def test_the_same_strokes_give_the_same_bytes_and_are_printed_as_json(leafy, tmp_path, capsys):
     _, photo, strokes, out = leafy
     again = tmp_path / "oak"
     words = ["sketch", str(photo), "--strokes", str(strokes), "-o", str(again), "--height", "4", *SMALL]
-    assert main(words) == 0
+    assert main([*words, "--json"]) == 0
+    assert read_output("sketch", capsys.readouterr().out)["asset"] == str(again / "oak.usda")
     for name in ("leaves_bezier.usdc", "skeleton.usdc", "branches.usdc"):
         for one in sorted(out.rglob(name)):
             assert one.read_bytes() == (again / one.relative_to(out)).read_bytes()
