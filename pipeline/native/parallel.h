@@ -25,3 +25,11 @@ void parallel_for(std::size_t n, int threads, const Fn& fn) {
     work();
     for (std::thread& other : others) other.join();
 }
+
+// The same for many small calls: so many of them one after another are one task.
+template <typename Fn>
+void parallel_blocks(std::size_t n, std::size_t block, int threads, const Fn& fn) {
+    parallel_for((n + block - 1) / block, threads, [&](std::size_t task) {
+        for (std::size_t i = task * block; i < std::min(n, (task + 1) * block); ++i) fn(i);
+    });
+}

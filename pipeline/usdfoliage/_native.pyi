@@ -1430,6 +1430,29 @@ def piece_gaps(
 ) -> NDArray[np.float64]:
     """Distance (Q,) of each asked piece of a mesh of triangles to all others, 0 where it runs into one."""
 
+def nearest_on_lines(
+    points: NDArray[np.float64],
+    first: NDArray[np.int32],
+    counts: NDArray[np.int32],
+    *,
+    places: NDArray[np.float64],
+    line: NDArray[np.int32],
+    threads: int,
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Segments (N,) and shares of them (N,) where polylines (N,) are nearest to places (N, 3)."""
+
+def beyond_lines(
+    points: NDArray[np.float64],
+    first: NDArray[np.int32],
+    counts: NDArray[np.int32],
+    *,
+    places: NDArray[np.float64],
+    line: NDArray[np.int32],
+    radius: NDArray[np.float64],
+    threads: int,
+) -> NDArray[np.float64]:
+    """How far places (N, 3) are outside polylines (N,) with radii at their points."""
+
 def merge_regions(
     count: int,
     first: NDArray[np.int64],

@@ -22,4 +22,5 @@ void bind_branch_cage(nanobind::module_& m);
 void bind_tubes(nanobind::module_& m);
 void bind_piece_bridges(nanobind::module_& m);
 void bind_piece_gaps(nanobind::module_& m);
+void bind_polylines(nanobind::module_& m);
 void bind_merge_regions(nanobind::module_& m);

@@ -24,5 +24,6 @@ NB_MODULE(_native, m) {
     bind_tubes(m);
     bind_piece_bridges(m);
     bind_piece_gaps(m);
+    bind_polylines(m);
     bind_merge_regions(m);
 }

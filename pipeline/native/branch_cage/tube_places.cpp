@@ -8,20 +8,13 @@ namespace {
 
 constexpr std::size_t kBlock = 4096;  // places of one task
 
-template <typename Fn>
-void for_each_place(std::size_t n, int threads, const Fn& fn) {
-    parallel_for((n + kBlock - 1) / kBlock, threads, [&](std::size_t block) {
-        for (std::size_t k = block * kBlock; k < std::min(n, (block + 1) * kBlock); ++k) fn(k);
-    });
-}
-
 void put(const TubeVector& vector, double* out) { std::copy(vector.begin(), vector.end(), out); }
 
 }  // namespace
 
 void find_axis(const TubeAxes& axes, const std::int64_t* tube, const double* arc, std::size_t n, double* points,
                double* radius, int threads) {
-    for_each_place(n, threads, [&](std::size_t k) {
+    parallel_blocks(n, kBlock, threads, [&](std::size_t k) {
         const TubePlace place = tube_axis(axes, tube[k], arc[k]);
         put(place.point, points + 3 * k);
         radius[k] = place.radius;
@@ -30,12 +23,12 @@ void find_axis(const TubeAxes& axes, const std::int64_t* tube, const double* arc
 
 void find_tangents(const TubeAxes& axes, const std::int64_t* tube, const double* arc, const double* reach, std::size_t n,
                    double* tangents, int threads) {
-    for_each_place(n, threads, [&](std::size_t k) { put(tube_tangent(axes, tube[k], arc[k], reach[k]), tangents + 3 * k); });
+    parallel_blocks(n, kBlock, threads, [&](std::size_t k) { put(tube_tangent(axes, tube[k], arc[k], reach[k]), tangents + 3 * k); });
 }
 
 void find_frames(const TubeAxes& axes, const double* reference, const std::int64_t* tube, const double* arc,
                  const double* tangents, std::size_t n, double* first, double* second, int threads) {
-    for_each_place(n, threads, [&](std::size_t k) {
+    parallel_blocks(n, kBlock, threads, [&](std::size_t k) {
         const std::int64_t at = tube_segment(axes, tube[k], arc[k]);
         const TubeVector tangent = vector_at(tangents, static_cast<std::int64_t>(k));
         TubeVector normal;
@@ -47,7 +40,7 @@ void find_frames(const TubeAxes& axes, const double* reference, const std::int64
 
 void find_nearest(const TubeAxes& axes, const std::int64_t* tube, const double* places, std::size_t n, int max_steps,
                   std::int64_t* at, double* points, double* arc, double* radius, int threads) {
-    for_each_place(n, threads, [&](std::size_t k) {
+    parallel_blocks(n, kBlock, threads, [&](std::size_t k) {
         const TubeVector place = vector_at(places, static_cast<std::int64_t>(k));
         const TubePlace near = tube_nearest(axes, tube[k], place, max_steps, at[k]);
         put(near.point, points + 3 * k);

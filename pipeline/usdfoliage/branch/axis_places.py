@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdfoliage import _native
 from usdfoliage.branch.distances import place_on_axes
 from usdfoliage.branch.model import Skeleton
 
-_BLOCK = 500_000  # pairs of a point and a segment that are looked at together
 _STEP = 0.2  # of the parent's radius, between places where a branch may be out
 _ONE_RADIUS = 1.3  # times the smallest radius, up to which those of axes count as one
 _FEW_STEPS = 8
@@ -35,6 +35,35 @@ class Places:
         return np.asarray(start + share * (values[self.vertex + 1] - start))
 
 
+def beyond_surface(
+    skeleton: Skeleton, points_m: NDArray[np.float64], curve: NDArray[np.integer], radius_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(P,) how far each point is outside a branch of its own, in metres; below 0 inside.
+
+    Args:
+        skeleton: Whose axes.
+        points_m: (P, 3).
+        curve: (P,), the branch of each.
+        radius_m: (V,), of the branches at their points.
+    """
+    return _native.beyond_lines(
+        *axis_lines(skeleton),
+        places=np.ascontiguousarray(points_m, np.float64),
+        line=np.ascontiguousarray(curve, np.int32),
+        radius=np.ascontiguousarray(radius_m, np.float64),
+        threads=0,
+    )
+
+
+def axis_lines(skeleton: Skeleton) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
+    """Axes as the native functions take polylines: points (V, 3), first point and number of points of each (B,)."""
+    return (
+        np.ascontiguousarray(skeleton.points_m, np.float64),
+        np.ascontiguousarray(skeleton.first, np.int32),
+        np.ascontiguousarray(skeleton.counts, np.int32),
+    )
+
+
 def find_places(skeleton: Skeleton, points_m: NDArray[np.float64], curve: NDArray[np.integer]) -> Places:
     """The place of its branch that is nearest to each point.
 
@@ -43,27 +72,13 @@ def find_places(skeleton: Skeleton, points_m: NDArray[np.float64], curve: NDArra
         points_m: (P, 3).
         curve: (P,), the branch of each.
     """
-    vertex, share = np.zeros(len(points_m), np.int64), np.zeros(len(points_m))
-    by_curve = np.argsort(curve, kind="stable")
-    numbers, begin = np.unique(curve[by_curve], return_index=True)
-    ends = np.append(begin, len(curve))[1:]
-    for number, begins, end in zip(numbers.tolist(), begin.tolist(), ends.tolist(), strict=True):
-        mine = by_curve[begins:end]
-        axis_m = skeleton.points_m[skeleton.branch(number)]
-        step_m = np.diff(axis_m, axis=0)
-        square = np.maximum(np.einsum("sc,sc->s", step_m, step_m), 1e-300)
-        rows = max(1, _BLOCK // len(step_m))
-        for start in range(0, len(mine), rows):
-            block = mine[start : start + rows]
-            from_start = points_m[block, None] - axis_m[:-1]
-            along = np.clip(np.einsum("psc,sc->ps", from_start, step_m) / square, 0, 1)
-            away = from_start - along[..., None] * step_m
-            nearest = np.einsum("psc,psc->ps", away, away).argmin(axis=1)
-            vertex[block] = skeleton.first[number] + nearest
-            share[block] = along[np.arange(len(block)), nearest]
+    of = np.ascontiguousarray(curve, np.int32)
+    vertex, share = _native.nearest_on_lines(
+        *axis_lines(skeleton), places=np.ascontiguousarray(points_m, np.float64), line=of, threads=0
+    )
     arc_m = skeleton.arcs_m
     return Places(
-        curve=np.asarray(curve, np.int32),
+        curve=of,
         vertex=vertex,
         share=share,
         arc_m=(1 - share) * arc_m[vertex] + share * arc_m[vertex + 1],

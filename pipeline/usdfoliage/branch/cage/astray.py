@@ -9,6 +9,7 @@ from usdfoliage.branch.cage.leave_out import ClosedBranches
 from usdfoliage.branch.whole_wood import AFLOAT_M, bare_lengths
 from usdfoliage.geometry.mesh_pieces import label_pieces, measure_gaps
 from usdfoliage.geometry.smooth_mesh import refine_smooth
+from usdfoliage.geometry.used_points import find_used
 
 AFLOAT_LEVELS = (1, 2)  # of division, at which pieces are looked at: as reports and validation do, and finer
 TOUCH_M = 0.5 * AFLOAT_M  # between points of thin branches and what they run into
@@ -45,13 +46,13 @@ def find_afloat(
     wanted = np.zeros(count, bool)
     wanted[asked] = True
     near = _faces_near(cage, wanted[of_face])
-    used, corners = np.unique(cage.faces[near], return_inverse=True)
+    used, corners = find_used(cage.faces[near], len(cage.points_m))
     thickest_m = np.zeros(count)
     np.maximum.at(thickest_m, of_face, np.maximum.reduceat(skeleton.radius_m, skeleton.first)[cage.curve])
     thin = asked[thickest_m[asked] < thin_m]
     afloat = np.zeros(count, bool)
     for levels in AFLOAT_LEVELS:
-        points_m, faces = refine_smooth(cage.points_m[used], corners.reshape(-1, 4), levels)
+        points_m, faces = refine_smooth(cage.points_m[used], corners, levels)
         piece = np.zeros(len(points_m), np.int32)
         piece[faces] = np.repeat(of_face[near], 4**levels)[:, None]
         afloat[asked[measure_gaps(points_m, faces, piece, asked) > 0]] = True
@@ -83,8 +84,8 @@ def find_astray(closed: ClosedBranches, *, late: bool) -> NDArray[np.bool_]:
     if not len(cage.faces) or closed.is_twig.all():
         return np.zeros(len(skeleton), bool)
     joined = ~closed.is_twig  # what they carry is joined as well, or a twig
-    used, corners = np.unique(cage.faces[joined[cage.curve]], return_inverse=True)
-    points_m, faces = refine_smooth(cage.points_m[used], corners.reshape(-1, 4).astype(np.int32), 1)
+    used, corners = find_used(cage.faces[joined[cage.curve]], len(cage.points_m))
+    points_m, faces = refine_smooth(cage.points_m[used], corners, 1)
     bare_m = np.zeros(len(skeleton))
     bare_m[joined] = bare_lengths(skeleton.only(joined), points_m, faces, edges=ASTRAY_EDGES)
     bare_m[skeleton.parent_curve < 0] = 0.0

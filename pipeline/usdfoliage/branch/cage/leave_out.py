@@ -16,6 +16,7 @@ from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.pruning import prune_branches
 from usdfoliage.branch.rooted_tree import RootedTree
 from usdfoliage.geometry.mesh_pieces import label_pieces
+from usdfoliage.geometry.used_points import find_used
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,15 +129,15 @@ def begin_earlier(
 
 def only_used(cage: BranchCage) -> BranchCage:
     """A cage with the points, rings and texture coordinates that its faces use."""
-    used, faces = np.unique(cage.faces, return_inverse=True)
-    used_st, face_st = np.unique(cage.face_st, return_inverse=True)
+    used, faces = find_used(cage.faces, len(cage.points_m))
+    used_st, face_st = find_used(cage.face_st, len(cage.st_m))
     return replace(
         cage,
         points_m=cage.points_m[used],
-        ring=np.unique(cage.ring[used], return_inverse=True)[1].astype(np.int32),
-        faces=faces.reshape(-1, 4).astype(np.int32),
+        ring=find_used(cage.ring[used], int(cage.ring.max(initial=-1)) + 1)[1],
+        faces=faces,
         st_m=cage.st_m[used_st],
-        face_st=face_st.reshape(-1, 4).astype(np.int32),
+        face_st=face_st,
     )
 
 

@@ -342,11 +342,12 @@ def _inside_surface(mesh: _Mesh, parent: Ints, begin_m: Floats) -> Floats:
     off_m = np.linalg.norm(mesh.points_m - middle_m[mesh.ring], axis=1)
     radius_m = np.bincount(mesh.ring, off_m, rings) / count[:, 0]
     ring, of = mesh.ring[mesh.faces[mesh.row].reshape(-1)], np.repeat(mesh.curve[mesh.row], SIDES)
-    pairs = np.unique(np.stack([of, ring], axis=-1), axis=0)  # ascending by curve
-    low, high = np.searchsorted(pairs[:, 0], parent), np.searchsorted(pairs[:, 0], parent, side="right")
+    key = np.unique(of.astype(np.int64) * rings + ring)  # ascending by curve
+    curve_of, ring_of = key // rings, key % rings
+    low, high = np.searchsorted(curve_of, parent), np.searchsorted(curve_of, parent, side="right")
     moved_m = begin_m.copy()
     for number in np.flatnonzero(high > low).tolist():
-        own = pairs[low[number] : high[number], 1]
+        own = ring_of[low[number] : high[number]]
         away_m = np.linalg.norm(middle_m[own] - begin_m[number], axis=1)
         nearest = int(np.argmin(away_m))
         before, after = middle_m[own[max(nearest - 1, 0)]], middle_m[own[min(nearest + 1, len(own) - 1)]]

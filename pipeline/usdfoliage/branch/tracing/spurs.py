@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdfoliage.branch.axis_places import beyond_surface
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.branch.rooted_tree import RootedTree
 from usdfoliage.branch.tracing.axes import Axes
@@ -22,6 +23,7 @@ def find_spurs(skeleton: Skeleton, beyond_m: NDArray[np.float64]) -> NDArray[np.
         beyond_m: (V,), how far from the surface of its parent, at each vertex of that, a branch must come somewhere.
     """
     spur = np.zeros(len(skeleton), bool)
+    comes_out = _come_out(skeleton, beyond_m, skeleton.parent_curve)
     carried: list[list[int]] = [[] for _ in range(len(skeleton))]
     for branch, parent in enumerate(skeleton.parent_curve.tolist()):
         if parent >= 0:
@@ -30,16 +32,14 @@ def find_spurs(skeleton: Skeleton, beyond_m: NDArray[np.float64]) -> NDArray[np.
         if parent < 0:
             continue
         spur[branch] = spur[parent]
-        waiting = [] if spur[branch] else [branch]
-        spur[branch] |= bool(waiting)
-        stem = skeleton.branch(parent)
-        stem_m, reach_m = skeleton.points_m[stem], skeleton.radius_m[stem] + beyond_m[stem]
-        while waiting:
-            one = waiting.pop()
-            if _comes_out(skeleton.points_m[skeleton.branch(one)], stem_m, reach_m):
-                spur[branch] = False
-                break
-            waiting.extend(carried[one])
+        if spur[branch] or comes_out[branch]:
+            continue
+        above = [branch]
+        for one in above:  # which grows
+            above.extend(carried[one])
+        of = np.full(len(skeleton), -1, np.int32)
+        of[above[1:]] = parent
+        spur[branch] = len(above) == 1 or not _come_out(skeleton, beyond_m, of).any()
     return spur
 
 
@@ -81,12 +81,11 @@ def absorb_spurs(
     return absorbed, kept
 
 
-def _comes_out(points_m: NDArray[np.float64], stem_m: NDArray[np.float64], reach_m: NDArray[np.float64]) -> bool:
-    """Whether any of the points (K, 3) is farther than reach_m (M,) from a stem's axis (M, 3)."""
-    along_m = np.diff(stem_m, axis=0)
-    square = np.maximum(np.einsum("mc,mc->m", along_m, along_m), 1e-24)
-    from_start = points_m[:, None] - stem_m[:-1]
-    share = np.clip(np.einsum("kmc,mc->km", from_start, along_m) / square, 0, 1)
-    away_m = np.linalg.norm(from_start - share[:, :, None] * along_m, axis=2)
-    out = away_m > (1 - share) * reach_m[:-1] + share * reach_m[1:]
-    return bool(out.all(axis=1).any())
+def _come_out(skeleton: Skeleton, beyond_m: NDArray[np.float64], of: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """(B,) branches with a point that is farther than beyond_m (V,) from the surface of another (B,); none for -1."""
+    out = np.zeros(len(skeleton), bool)
+    mine = np.flatnonzero(of[skeleton.curve] >= 0)
+    curve = skeleton.curve[mine]
+    away_m = beyond_surface(skeleton, skeleton.points_m[mine], of[curve], skeleton.radius_m + beyond_m)
+    out[curve[away_m > 0]] = True
+    return out
