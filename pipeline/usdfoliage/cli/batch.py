@@ -2,7 +2,8 @@
 
 LIST is one of these:
 
-    a folder       each folder of photographs, capture and point cloud in it is a plant
+    a folder       each folder of photographs, capture and point cloud in it is a plant, and each photograph that has
+                   strokes beside it, as NAME.strokes.json
     a text file    one capture on each line; a name and a plan (TOML) may follow after tabs
     a CSV file     with a column capture; columns name and plan are optional
 
@@ -56,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def declare(options: argparse.Namespace) -> Access:
-    from usdfoliage.capture.folder.listing import parts_of_input
+    from usdfoliage.cli.options.access import parts_of_build
     from usdfoliage.files.write_gate import join_access
     from usdfoliage.jobs.plant.library import read_library
     from usdfoliage.jobs.plant.work_folder import find_work_folder
@@ -65,7 +66,7 @@ def declare(options: argparse.Namespace) -> Access:
     work = find_work_folder(options.work, options.output / "plant")
     outputs = [options.output / entry.name for entry in options.listed.entries]
     plants = [
-        Access(reads=(*parts_of_input(entry.capture, output), *given(entry.plan)), replaces=(output,), fills=(work,))
+        Access(reads=(*parts_of_build(entry.capture, output), *given(entry.plan)), replaces=(output,), fills=(work,))
         for entry, output in zip(options.listed.entries, outputs, strict=True)
     ]
     own = given(None if options.list.is_dir() else options.list, options.plan, options.profile)
@@ -171,6 +172,8 @@ def _read_requests(
             if entry.plan is not None:
                 own = read_settings_file(entry.plan, settings)
                 own = with_seed(own, own.seed)
+            if entry.tree is not None:
+                own = replace(own, sketch=replace(own.sketch, tree=entry.tree))
         except FoliageError as error:
             failed.append(describe_failed(entry.name, entry.capture.name, explain_entry(entry, error)))
             continue
@@ -212,7 +215,7 @@ def _print_plans(requests: "list[BuildRequest]", failed: "list[LibraryPlant]") -
             continue
         seconds = sum(task.estimate_s for task in wanted.values())
         total_s += seconds
-        counts = (len(inputs.photographs), len(plan.tasks), len(wanted))
+        counts = (inputs.photograph_count, len(plan.tasks), len(wanted))
         print(row.format(request.name, *counts, f"{seconds:.0f}", "").rstrip())
     print(f"{len(requests) + len(failed)} plants, {bad} of them cannot be built; {in_words(total_s)} on two cores")
     return 2 if bad else 0

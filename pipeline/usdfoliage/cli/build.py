@@ -1,9 +1,12 @@
 """Build one whole plant from a capture: leaves, branches and crown in one asset.
 
-CAPTURE is a folder of photographs, a video, a capture, or a point cloud. A capture is a folder with images/, and with
-cameras/, depth/, masks/ and capture.toml as far as they exist. The asset has a report and is validated.
+CAPTURE is a folder of photographs, a video, a capture, a point cloud, or one photograph of a tree. A capture is a
+folder with images/, and with cameras/, depth/, masks/ and capture.toml as far as they exist. Of one photograph a tree
+is made by the strokes in NAME.strokes.json beside it, as usdfoliage sketch does. The asset has a report and is
+validated.
 
     usdfoliage build photographs/ -o assets/shrub
+    usdfoliage build cherry.jpg -o assets/cherry
 
 The result of every task is kept under the hash of its inputs. If a run is stopped, the same command continues it. A
 second run with the same input does nothing. A changed setting repeats only the tasks that depend on it.
@@ -27,7 +30,7 @@ from usdfoliage.files.write_gate import Access
 logger = logging.getLogger(__name__)
 
 STAGES = (
-    *("poses", "matching", "depth", "cloud", "isolation", "branches", "leaves", "crown"),
+    *("poses", "matching", "depth", "cloud", "isolation", "branches", "leaves", "crown", "sketch"),
     *("asset", "withheld", "turntable", "comparisons", "variants", "report"),
 )
 
@@ -39,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CAPTURE",
         type=Path,
         nargs="?",
-        help="The input is a folder of photographs, a video, a capture, or a point cloud.",
+        help="The input is a folder of photographs, a video, a capture, a point cloud, or one photograph of a tree.",
     )
     files.add_argument("-o", "--output", metavar="ASSET", type=Path, help="The asset is written to this folder.")
     add_name(files, "ASSET")

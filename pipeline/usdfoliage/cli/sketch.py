@@ -15,7 +15,7 @@ import argparse
 from pathlib import Path
 
 from usdfoliage.cli.json_output import add_json
-from usdfoliage.cli.options.access import given
+from usdfoliage.cli.options.access import given, parts_of_photograph
 from usdfoliage.cli.options.leaf_commands import (
     accept_negative_numbers,
     add_no_preview,
@@ -128,8 +128,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def declare(options: argparse.Namespace) -> Access:
+    photo = (options.photo,) if options.strokes is not None else parts_of_photograph(options.photo)
     return Access(
-        reads=given(options.photo, options.strokes, options.mask, options.species_file), replaces=(options.output,)
+        reads=(*photo, *given(options.strokes, options.mask, options.species_file)), replaces=(options.output,)
     )
 
 

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "capture",
         metavar="CAPTURE",
         type=Path,
-        help="The input is a folder of photographs, a capture, or a point cloud.",
+        help="The input is a folder of photographs, a capture, a point cloud, or one photograph of a tree.",
     )
     files.add_argument(
         "-o",
@@ -112,17 +112,19 @@ def write_farm_job(job: "FarmJob", options: argparse.Namespace) -> None:
 
 
 def _parameters(options: argparse.Namespace, name: str, work: Path) -> "list[JobParameter]":
+    from usdfoliage.capture.folder.listing import is_picture
     from usdfoliage.jobs.plant.farm_job import JobParameter
 
-    capture, is_cloud = options.capture.absolute(), options.capture.is_file()
+    capture, is_file = options.capture.absolute(), options.capture.is_file()
+    of_file = "the photograph of a tree; its strokes lie beside it" if is_picture(capture.name) else "the point cloud"
     known_work = options.output is not None or options.work is not None
     parameters = [
         JobParameter(
-            name="CaptureFile" if is_cloud else "CaptureDir",
+            name="CaptureFile" if is_file else "CaptureDir",
             kind="PATH",
             value=str(capture),
-            description="the point cloud" if is_cloud else "photographs, or a capture; those that the job was made for",
-            is_file=is_cloud,
+            description=of_file if is_file else "photographs, or a capture; those that the job was made for",
+            is_file=is_file,
             flow="IN",
         ),
         JobParameter(

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "capture",
         metavar="CAPTURE",
         type=Path,
-        help="The input is a folder of photographs, a capture, or a point cloud.",
+        help="The input is a folder of photographs, a capture, a point cloud, or one photograph of a tree.",
     )
     add_output(files, "ASSET")
     add_work(files)

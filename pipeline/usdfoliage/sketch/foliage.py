@@ -114,7 +114,7 @@ def find_foliage(
     above = ring & (row < stroke[:, 1].max() - settings.low * np.ptp(stroke[:, 1]))
     ring = above if above.sum() > 0.1 * ring.sum() else ring
     mixture = fit_mixture(colors[inside], settings.components, seed)
-    sky = _find_sky(srgb, seed)[np.ix_(*_nearest(srgb.shape[:2], (x0, y0, x1, y1), small))]
+    sky = find_sky(srgb, seed)[np.ix_(*_nearest(srgb.shape[:2], (x0, y0, x1, y1), small))]
     odds = rate_components(mixture, colors[inner], colors[ring], settings, sky[inner])
     leaves, background = mixture.weighted(odds), mixture.weighted(1 - odds)
     flat = colors.reshape(-1, 3)
@@ -232,8 +232,8 @@ def _sky_shares(mixture: Mixture, colors: Floats, is_sky: NDArray[np.bool_]) -> 
     return np.asarray(np.clip((share - _SOME_SKY) / (_NEARLY_SKY - _SOME_SKY), 0, 1))  # fine leaves let sky through
 
 
-def _find_sky(srgb: NDArray[np.uint8], seed: int) -> NDArray[np.bool_]:
-    """(h, w) the sky of the whole picture, made small."""
+def find_sky(srgb: NDArray[np.uint8], seed: int) -> NDArray[np.bool_]:
+    """(h, w) the sky of a picture (H, W, 3), made small."""
     scale = min(1.0, _SKY_PX / max(srgb.shape[:2]))
     small = cv2.resize(srgb, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     lab = cv2.cvtColor(small.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)

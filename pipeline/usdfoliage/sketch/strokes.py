@@ -1,7 +1,7 @@
 """Strokes that somebody drew over a photograph: a crown's outline, and branches from the root up, of each tree."""
 
 import json
-import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +13,14 @@ from numpy.typing import NDArray
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.atomic import whole_file
 from usdfoliage.files.json import read_json
+from usdfoliage.sketch.foliage import fill_outline
 
 SUFFIX = ".strokes.json"  # after the photograph's name
 MAX_TREES, MAX_BRANCHES, MAX_POINTS = 100, 1000, 100_000
+MAX_BYTES = 20_000_000  # of the file
+MAX_CROSSED = 0.1  # of a crown's area, or of the length of a branch, that a stroke may go around twice
+_PLACES = 500  # on a stroke, between which it is looked at
+_WORK_PX = 400  # longer side of the picture in which areas are measured
 OUTSIDE = 0.02  # of the picture's longer side, that a stroke may go beyond its border
 _DRAW = "draw the strokes again, over this photograph"
 
@@ -43,6 +48,17 @@ def strokes_beside(photo: Path) -> Path:
     return photo.with_name(photo.stem + SUFFIX)
 
 
+def name_tree(number: int) -> str:
+    """What one of several trees of a photograph is called, counted from 1."""
+    return f"tree_{number:02d}"
+
+
+def find_strokes(photo: Path) -> Path | None:
+    """The strokes beside a photograph; None where there is no such file."""
+    beside = strokes_beside(photo)
+    return beside if os.path.isfile(beside) else None  # noqa: PTH113 (Path.is_file raises for names too long)
+
+
 def read_strokes(path: Path) -> Strokes:
     """Strokes of a file, as the window and other programs write them.
 
@@ -54,6 +70,9 @@ def read_strokes(path: Path) -> Strokes:
         CaptureError: The file cannot be read, or holds no strokes.
     """
     try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise CaptureError(f"the strokes {path} have {size:,} bytes, at most {MAX_BYTES:,} are allowed", _DRAW)
         found = read_json(path)
     except OSError as error:
         raise CaptureError(f"the strokes {path} cannot be read: {error.strerror}") from error
@@ -110,7 +129,8 @@ def check_strokes(strokes: Strokes, width_px: int, height_px: int, name: str) ->
         name: Of the strokes' file, for the message.
 
     Raises:
-        CaptureError: They were drawn over a picture of another size, or lie outside of this one.
+        CaptureError: They were drawn over a picture of another size, lie outside of this one, or cross themselves, or
+            a tree's first branch does not go up.
     """
     if (strokes.width_px, strokes.height_px) != (width_px, height_px):
         raise CaptureError(
@@ -118,6 +138,55 @@ def check_strokes(strokes: Strokes, width_px: int, height_px: int, name: str) ->
             f"photograph has {width_px} x {height_px}",
             _DRAW,
         )
+    _check_places(strokes, width_px, height_px, name)
+    for number, tree in enumerate(strokes.trees, 1):
+        if _crosses_itself(tree.crown_px):
+            raise CaptureError(
+                f"the crown of tree {number} in {name} crosses itself", "draw it once around the leaves, in one turn"
+            )
+        for k, line in enumerate(tree.branches_px, 1):
+            if _loop_share(line) > MAX_CROSSED:
+                raise CaptureError(
+                    f"branch {k} of tree {number} in {name} crosses itself", "draw it along the branch, from its foot"
+                )
+        if tree.branches_px and _goes_down(tree.branches_px[0]):
+            first = tree.branches_px[0]
+            raise CaptureError(
+                f"the first branch of tree {number} in {name} goes down the picture, from y {first[0, 1]:.0f} to "
+                f"{first[-1, 1]:.0f}",
+                "draw it from the root upwards",
+            )
+
+
+def check_roots(strokes: Strokes, is_sky: NDArray[np.bool_], name: str) -> None:
+    """See that trees stand on something.
+
+    Args:
+        strokes: Of the photograph.
+        is_sky: (h, w), which pixels of the photograph, made smaller, are sky.
+        name: Of the strokes' file, for the message.
+
+    Raises:
+        CaptureError: A tree has its root in the sky.
+    """
+    height, width = is_sky.shape
+    reach = max(1, round(OUTSIDE * max(width, height)))
+    for number, tree in enumerate(strokes.trees, 1):
+        if not tree.branches_px:
+            continue
+        root = tree.branches_px[0][0] * [width / strokes.width_px, height / strokes.height_px]
+        x, y = np.clip(np.floor(root).astype(int), 0, [width - 1, height - 1]).tolist()
+        around = is_sky[max(0, y - reach) : y + reach + 1, max(0, x - reach) : x + reach + 1]
+        if around.all():
+            x_px, y_px = tree.branches_px[0][0]
+            raise CaptureError(
+                f"the first branch of tree {number} in {name} begins in the sky, at x {x_px:.0f}, y {y_px:.0f}",
+                "begin it at the root, where the stem leaves the ground",
+            )
+
+
+def _check_places(strokes: Strokes, width_px: int, height_px: int, name: str) -> None:
+    """See that all strokes lie in the picture; CaptureError as check_strokes."""
     slack = OUTSIDE * max(width_px, height_px)
     for number, tree in enumerate(strokes.trees, 1):
         for what, line in (("crown", tree.crown_px), *(("branch", each) for each in tree.branches_px)):
@@ -130,10 +199,47 @@ def check_strokes(strokes: Strokes, width_px: int, height_px: int, name: str) ->
                 )
 
 
+def _crosses_itself(outline: NDArray[np.float64]) -> bool:
+    """Whether a closed stroke goes around more, or less, than the area that it bounds: as an 8 does, or two turns."""
+    low = outline.min(axis=0)
+    scale = _WORK_PX / max(float(np.ptp(outline, axis=0).max()), 1e-9)
+    line = (outline - low) * scale
+    size = np.ceil(line.max(axis=0)).astype(int) + 2
+    bounded = float(fill_outline(line, (int(size[0]), int(size[1]))).sum())
+    around = 0.5 * abs(float(np.sum(line[:, 0] * np.roll(line[:, 1], -1) - line[:, 1] * np.roll(line[:, 0], -1))))
+    edge = float(np.linalg.norm(np.diff(line, axis=0, append=line[:1]), axis=1).sum())  # whose pixels count wholly
+    return abs(bounded - around) > MAX_CROSSED * bounded + edge
+
+
+def _loop_share(line: NDArray[np.float64]) -> float:
+    """The share of a stroke's length that lies in the longest loop of it."""
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+    at = np.linspace(0, length[-1], _PLACES)
+    point = np.stack([np.interp(at, length, line[:, axis]) for axis in (0, 1)], axis=-1)
+    start, step = point[:-1], np.diff(point, axis=0)
+
+    def side(of: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(S, S) on which side of each segment points lie."""
+        return np.asarray(
+            step[:, None, 0] * (of[None, :, 1] - start[:, None, 1])
+            - step[:, None, 1] * (of[None, :, 0] - start[:, None, 0])
+        )
+
+    apart = side(start) * side(start + step) < 0
+    first, second = np.nonzero(np.triu(apart & apart.T, 2))
+    return 0.0 if not len(first) else float((second - first).max() / (_PLACES - 1))
+
+
+def _goes_down(line: NDArray[np.float64]) -> bool:
+    """Whether a stroke ends clearly below its first point."""
+    length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+    return bool(line[-1, 1] - line[0, 1] > 0.5 * length)
+
+
 def _whole(table: dict[str, Any], name: str, path: Path) -> int:
     value = table.get(name)
     if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= 1_000_000:
-        raise CaptureError(f"{path}: {name} must be the {name} of the photograph in pixels, not {value!r}", _DRAW)
+        raise CaptureError(f"{path}: {name} must be the {name} of the photograph in pixels, not {value!r:.60}", _DRAW)
     return value
 
 
@@ -172,5 +278,5 @@ def _is_point(value: Any) -> bool:
         isinstance(value, list)
         and len(value) == 2
         and all(isinstance(each, int | float) and not isinstance(each, bool) for each in value)
-        and all(math.isfinite(each) and abs(each) < 1e9 for each in value)
+        and all(abs(each) < 1e9 for each in value)  # which no NaN is, and an int may be beyond all floats
     )

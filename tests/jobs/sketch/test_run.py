@@ -8,21 +8,16 @@ import pytest
 from pxr import Usd, UsdGeom
 from usdfoliage.__main__ import main
 from usdfoliage.jobs.models import read_models
-from usdfoliage.sketch.strokes import Strokes, TreeStrokes, read_strokes, write_strokes
+from usdfoliage.sketch.strokes import TreeStrokes, read_strokes
 
 from tests.support.commands.json_output import read_output
-from tests.support.photographs.drawn_trees import DrawnTree, draw_bare, draw_leafy
+from tests.support.photographs.drawn_trees import DrawnTree, draw_bare, draw_leafy, write_photograph
 
 SMALL = ["--no-preview", "--most-leaves", "1500", "--reproducible"]
 
 
 def write_tree(folder, tree: DrawnTree, trees=1):
-    photo = folder / "tree photo.png"
-    cv2.imwrite(str(photo), tree.srgb[..., ::-1])
-    height, width = tree.srgb.shape[:2]
-    strokes = folder / "tree photo.strokes.json"
-    write_strokes(strokes, Strokes(image=photo.name, width_px=width, height_px=height, trees=(tree.strokes,) * trees))
-    return photo, strokes
+    return write_photograph(folder, tree, "tree photo", trees)
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,12 @@
 """A tree drawn over a sky, whose leaves and branches are known."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from usdfoliage.sketch.strokes import TreeStrokes
+from usdfoliage.sketch.strokes import Strokes, TreeStrokes, strokes_beside, write_strokes
 
 SKY, LEAF, BARK, GRASS = (190, 210, 240), (60, 120, 40), (90, 70, 55), (130, 150, 70)
 
@@ -78,3 +79,13 @@ def _background(width: int, height: int) -> NDArray[np.uint8]:
 
 def _noisy(picture: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
     return np.clip(picture + rng.normal(0, 4, picture.shape), 0, 255).astype(np.uint8)
+
+
+def write_photograph(folder: Path, tree: DrawnTree, name: str, trees: int = 1) -> tuple[Path, Path]:
+    """The picture as name.png and the strokes beside it, so many times; returns both files."""
+    photo = folder / f"{name}.png"
+    cv2.imwrite(str(photo), tree.srgb[..., ::-1])
+    height, width = tree.srgb.shape[:2]
+    strokes = strokes_beside(photo)
+    write_strokes(strokes, Strokes(image=photo.name, width_px=width, height_px=height, trees=(tree.strokes,) * trees))
+    return photo, strokes

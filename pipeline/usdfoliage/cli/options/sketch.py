@@ -8,13 +8,10 @@ from usdfoliage.branch.foliage.species import GENERIC, load_species
 from usdfoliage.cli.options.motion import read_motion
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.sketch.model import SketchModelSettings
+from usdfoliage.jobs.sketch.model import HAS_LEAVES, MAX_LEAF_LENGTH_M, MAX_LEAVES, SketchModelSettings
 from usdfoliage.jobs.sketch.run import SketchRequest
 from usdfoliage.sketch.reconstruct import SketchSettings
-from usdfoliage.sketch.strokes import strokes_beside
-
-_LEAVES = {"auto": None, "on": True, "off": False}
-MAX_LEAVES = 1_000_000
+from usdfoliage.sketch.strokes import find_strokes
 
 
 def read_sketch_request(options: argparse.Namespace) -> SketchRequest:
@@ -24,8 +21,8 @@ def read_sketch_request(options: argparse.Namespace) -> SketchRequest:
     if not 1 <= options.max_leaves <= MAX_LEAVES:
         raise FoliageError(f"--most-leaves must be 1 to {MAX_LEAVES:,}, not {options.max_leaves}")
     length_m = options.leaf_length
-    if length_m is not None and not (math.isfinite(length_m) and 0 < length_m <= 10):
-        raise FoliageError(f"--leaf-length must be above 0 and at most 10 metres, not {length_m:g}")
+    if length_m is not None and not (math.isfinite(length_m) and 0 < length_m <= MAX_LEAF_LENGTH_M):
+        raise FoliageError(f"--leaf-length must be above 0 and at most {MAX_LEAF_LENGTH_M:g} metres, not {length_m:g}")
     tape = options.tape
     if tape is not None and not (all(map(math.isfinite, tape)) and tape[4] > 0 and tape[:2] != tape[2:4]):
         raise FoliageError("--tape must be two places of the photograph, and the metres between them, above 0")
@@ -37,8 +34,7 @@ def read_sketch_request(options: argparse.Namespace) -> SketchRequest:
         )
     except ValueError as error:
         raise FoliageError(str(error)) from error
-    beside = strokes_beside(options.photo)
-    strokes = options.strokes or (beside if beside.is_file() else None)
+    strokes = options.strokes or find_strokes(options.photo)
     return SketchRequest(
         photo=options.photo,
         strokes=strokes,
@@ -53,7 +49,7 @@ def read_sketch_request(options: argparse.Namespace) -> SketchRequest:
             species=load_species(options.species or GENERIC, options.species_file),
             leaf_length_m=length_m,
             max_leaves=options.max_leaves,
-            has_leaves=_LEAVES[options.leaves],
+            has_leaves=HAS_LEAVES[options.leaves],
             has_crown=not options.no_crown,
             motion=read_motion(options),
         ),

@@ -12,7 +12,7 @@ from usdfoliage.jobs.plant.input_digests import DigestBy
 from usdfoliage.jobs.plant.inputs import BuildInputs, find_inputs
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.store import ResultFile, Store
-from usdfoliage.jobs.plant.tasks import BuildPlan, Task
+from usdfoliage.jobs.plant.tasks import ASSET, SKETCH, BuildPlan, Task
 from usdfoliage.progress import Progress, StepProgress, progress_in_step
 
 
@@ -71,6 +71,11 @@ class StageCall:
     def result_of(self, name: str) -> Path:
         """The folder of another task's result."""
         return self.store.result(self.plan.tasks[name].key)
+
+    @property
+    def asset_result(self) -> Path:
+        """The folder of the result of the task that writes the asset."""
+        return self.result_of(SKETCH if self.has(SKETCH) else ASSET)
 
     def has(self, name: str) -> bool:
         """Whether the plan has a task of that name."""

@@ -1,11 +1,11 @@
-"""What a build starts from: the files of a capture, or a point cloud, and their digests."""
+"""What a build starts from: the files of a capture, a point cloud, or one photograph and its strokes, and digests."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from usdfoliage.capture.cloud_files.read import CLOUD_SUFFIXES, check_cloud_file, is_cloud_input
-from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, VIDEOS, files_below
+from usdfoliage.capture.folder.listing import CAMERAS, IMAGES, MASKS, VIDEOS, files_below, is_picture
 from usdfoliage.capture.folder.raster import read_image_spec
 from usdfoliage.capture.folder.settings import FILE_NAME, read_capture_settings
 from usdfoliage.capture.video.settings import VideoSettings
@@ -17,6 +17,7 @@ from usdfoliage.jobs.plant.settings import LeafDepth
 from usdfoliage.jobs.plant.store import Store
 from usdfoliage.progress import Progress
 from usdfoliage.remarks import Remark
+from usdfoliage.sketch.strokes import find_strokes, read_strokes
 
 DEPTH_FOLDER = "depth"
 FRAMES = "views/frames"  # in the work folder: of videos
@@ -26,16 +27,24 @@ FRAMES = "views/frames"  # in the work folder: of videos
 class BuildInputs:
     """The files that decide a plant."""
 
-    source: Path  # the capture's folder, or a cloud
+    source: Path  # the capture's folder, a cloud, or one photograph
     name: str
-    photographs: Mapping[str, Path]  # by name; none for a cloud
+    photographs: Mapping[str, Path]  # by name; none for a cloud, and for one photograph
     has_cameras: bool
     has_depth: bool  # of its own
     files: Mapping[str, Path]  # by their names in the capture
     digests: tuple[tuple[str, str], ...]  # name and SHA-256 of each file
     megapixels: float  # of the first photograph
     frames: VideoFrames | None = None  # where the photographs are those of a video
+    photo: Path | None = None  # the one photograph that a tree is made of
+    strokes: Path | None = None  # over it; None: proposed
+    trees: int = 1  # that the strokes are of
     remarks: tuple[Remark, ...] = ()
+
+    @property
+    def photograph_count(self) -> int:
+        """How many photographs there are, of a capture or the one of a tree."""
+        return len(self.photographs) + (self.photo is not None)
 
 
 def find_inputs(
@@ -50,7 +59,7 @@ def find_inputs(
     """The files of a capture that a build reads; the frames of a video are put into the work folder.
 
     Args:
-        source: A capture, a folder of photographs, a video, or a point cloud.
+        source: A capture, a folder of photographs, a video, a point cloud, or one photograph of a tree.
         store: Where digests are remembered.
         depth: Which depth leaves are fitted to.
         digest_by: bytes reads every file; memory trusts what is remembered of those whose size and time are the same;
@@ -72,9 +81,12 @@ def find_inputs(
         check_cloud_file(source)
     given_video = find_video(source)
     if is_file and given_video is None:
+        if is_picture(source.name):
+            return _find_photograph(source, store, digest_by)
         if not is_cloud_input(source):
             raise CaptureError(
-                f"{source} is neither a folder nor a video nor a point cloud ({', '.join(CLOUD_SUFFIXES)})",
+                f"{source} is neither a folder nor a photograph nor a video nor a point cloud "
+                f"({', '.join(CLOUD_SUFFIXES)})",
                 "name a folder of photographs",
             )
         files = {source.name: source}
@@ -127,6 +139,27 @@ def find_inputs(
         megapixels=_megapixels(first),
         frames=frames,
         remarks=given.remarks,
+    )
+
+
+def _find_photograph(photo: Path, store: Store, digest_by: DigestBy) -> BuildInputs:
+    """One photograph of a tree, and the strokes beside it."""
+    strokes = find_strokes(photo)
+    files = {path.name: path for path in (photo, strokes) if path is not None}
+    _require_names(files)
+    trees = 1 if strokes is None else len(read_strokes(strokes).trees)  # its errors are raised before anything runs
+    return BuildInputs(
+        source=photo,
+        name=photo.stem,
+        photographs={},
+        has_cameras=False,
+        has_depth=False,
+        files=files,
+        digests=digest_inputs(photo, files, store, digest_by=digest_by),
+        megapixels=_megapixels(photo),
+        photo=photo,
+        strokes=strokes,
+        trees=trees,
     )
 
 

@@ -3,18 +3,19 @@
 import csv
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from usdfoliage import __version__
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.capture.cloud_files.read import CLOUD_SUFFIXES
-from usdfoliage.capture.folder.listing import IMAGES, VIDEOS, is_picture, is_video
+from usdfoliage.capture.folder.listing import IMAGES, VIDEOS, is_picture, is_video, list_pictures
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.files.reading import read_regular
 from usdfoliage.jobs.plant.finish import BuiltPlant
 from usdfoliage.jobs.plant.pages.library_page import Library, LibraryPlant, PlantState, write_library_page
 from usdfoliage.remarks import warnings_of
+from usdfoliage.sketch.strokes import SUFFIX, find_strokes, name_tree, read_strokes, strokes_beside
 
 COLUMNS = ("capture", "name", "plan")
 _PAGE_SHARE = 0.05  # of the time, that writing the page may take while plants are built
@@ -28,6 +29,7 @@ class LibraryEntry:
     capture: Path
     plan: Path | None = None  # settings of its own, over those of all
     place: str = ""  # where the list has it
+    tree: int | None = None  # of a photograph whose strokes are of several trees, counted from 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +44,8 @@ def read_library(source: Path) -> LibraryList:
     """The plants of a list, or of a folder.
 
     Args:
-        source: A folder, whose sub-folders with photographs, captures and point clouds are plants. A text file, with a
+        source: A folder, whose sub-folders with photographs, captures and point clouds are plants, and whose
+            photographs are, each with strokes beside it: a plant for each of their trees. A text file, with a
             capture a line, and after tabs its name and its plan, if need be. A CSV file, whose first line names
             columns: capture, and if need be name and plan. Lines that begin with # are comments; paths are as seen
             from the file.
@@ -85,6 +88,8 @@ def _read_folder(folder: Path) -> LibraryList:
     skipped: list[LibraryPlant] = []
     try:
         paths = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+        used, unused = list_pictures(path.name for path in paths)
+        of_photographs = {strokes_beside(Path(name)).name for name in used}
         for path in paths:
             if path.is_dir():
                 try:
@@ -101,6 +106,16 @@ def _read_folder(folder: Path) -> LibraryList:
                 path.suffix.lower() in CLOUD_SUFFIXES and path.suffix.lower() not in (".txt", ".csv")
             ):
                 entries.append(_entry(path, str(folder)))
+            elif path.name in unused:
+                skipped.append(_skip(path, "another photograph of that name is used", "name them apart to use both"))
+            elif is_picture(path.name) and path.is_file():
+                if find_strokes(path) is not None:
+                    entries += _trees_of(_entry(path, str(folder)))
+                else:
+                    remedy = f"draw them, and save them as {strokes_beside(path).name} there"
+                    skipped.append(_skip(path, "the photograph has no strokes beside it", remedy))
+            elif path.name.endswith(SUFFIX) and path.name not in of_photographs:
+                skipped.append(_skip(path, "there is no photograph of these strokes", "put it beside them"))
     except OSError as error:
         raise CaptureError(
             f"{error.filename or folder} cannot be read: {error.strerror}", "check permissions"
@@ -136,7 +151,7 @@ def _read_lines(source: Path, text: str) -> Iterator[LibraryEntry]:
             raise CaptureError(f"{place} names no capture")
         capture = source.parent / _read_path(row["capture"], place)
         plan = source.parent / _read_path(row["plan"], place) if row.get("plan") else None
-        yield _entry(capture, place, row.get("name", ""), plan)
+        yield from _trees_of(_entry(capture, place, row.get("name", ""), plan))
 
 
 def _read_path(text: str, place: str) -> Path:
@@ -157,9 +172,26 @@ def _split_csv(line: str, place: str) -> list[str]:
 
 def _entry(capture: Path, place: str, name: str = "", plan: Path | None = None) -> LibraryEntry:
     named = name or (
-        capture.stem if capture.suffix.lower() in CLOUD_SUFFIXES else capture.name or capture.absolute().name
+        capture.stem
+        if capture.suffix.lower() in CLOUD_SUFFIXES or is_picture(capture.name)
+        else capture.name or capture.absolute().name
     )
     return LibraryEntry(name=asset_name(named), capture=capture, plan=plan, place=place)
+
+
+def _trees_of(entry: LibraryEntry) -> list[LibraryEntry]:
+    """An entry for each tree of a photograph; the entry itself where strokes are of one, or cannot be read."""
+    photo = entry.capture
+    if not is_picture(photo.name):
+        return [entry]
+    try:
+        strokes = find_strokes(photo)
+        trees = 1 if strokes is None else len(read_strokes(strokes).trees)
+    except (CaptureError, OSError):  # this plant fails, and the others are built
+        trees = 1
+    if trees == 1:
+        return [entry]
+    return [replace(entry, name=f"{entry.name}_{name_tree(number)}", tree=number) for number in range(1, trees + 1)]
 
 
 def _skip(path: Path, message: str, remedy: str) -> LibraryPlant:

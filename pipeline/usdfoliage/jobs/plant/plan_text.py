@@ -34,10 +34,8 @@ def describe_plan(request: BuildRequest, where: ExecutorChoice, render: RenderSe
         would = f"nothing is put into {request.output}: it stops after {', '.join(request.only)}"
     inputs, plan = plan_plant(request, "files")
     wanted, finished = find_wanted(plan, request.store, thorough=False)
-    photographs = len(inputs.photographs)
     lines = [
-        f"capture: {request.capture}, {photographs} photographs" if photographs else f"cloud: {request.capture}",
-        *([_describe_photographs(inputs)] if photographs else []),
+        *_describe_inputs(request, inputs),
         *label_remarks((*inputs.remarks, *remark_unknown_species(request.settings.plant.species)), render),
         *_table(plan, wanted, finished),
         f"estimate: {in_words(estimate_s(wanted, where))}, {where.describe()}",
@@ -47,11 +45,19 @@ def describe_plan(request: BuildRequest, where: ExecutorChoice, render: RenderSe
     return "\n".join(lines)
 
 
-def _describe_photographs(inputs: BuildInputs) -> str:
-    return (
+def _describe_inputs(request: BuildRequest, inputs: BuildInputs) -> list[str]:
+    if inputs.photo is not None:
+        return [
+            f"photo: {request.capture}",
+            f"strokes: {inputs.strokes or 'proposed'}, trees {inputs.trees}",
+        ]
+    if not inputs.photographs:
+        return [f"cloud: {request.capture}"]
+    return [
+        f"capture: {request.capture}, {len(inputs.photographs)} photographs",
         f"inputs: {len(inputs.files)} files, poses {'given' if inputs.has_cameras else 'to be estimated'}, depth "
-        f"{'given' if inputs.has_depth else 'from the photographs'}"
-    )
+        f"{'given' if inputs.has_depth else 'from the photographs'}",
+    ]
 
 
 def estimate_s(wanted: Mapping[str, Task], where: ExecutorChoice) -> float:

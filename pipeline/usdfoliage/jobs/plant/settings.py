@@ -13,12 +13,17 @@ from usdfoliage.jobs.leaves.settings import LeavesSettings
 from usdfoliage.jobs.plant.pages.pictures import PictureSettings
 from usdfoliage.jobs.plant.plant_settings import PlantSettings, SeedSettings
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
+from usdfoliage.jobs.sketch.model import MAX_LEAF_LENGTH_M, SketchModelSettings
+from usdfoliage.jobs.sketch.model import MAX_LEAVES as MAX_SKETCH_LEAVES
 from usdfoliage.jobs.work.settings_file import set_everywhere
+from usdfoliage.sketch.reconstruct import SketchSettings
+from usdfoliage.sketch.strokes import MAX_TREES
 
 LeafDepth = Literal["auto", "given", "estimated"]
 FoliageKind = Literal["auto", "captured", "filled", "drawn", "species", "none"]
 MakeBranches = Literal["auto", "on", "off"]
 MakeIsolation = Literal["auto", "off"]
+MakeSketchLeaves = Literal["auto", "on", "off"]
 CloudLeaves = Literal["auto", "on", "off"]
 
 STAGE_SETTINGS = (
@@ -30,7 +35,8 @@ STAGE_SETTINGS = (
     "foliage",
     "crown",
     "pictures",
-)  # tables that decide a result
+)  # tables that decide a result of a capture or a cloud
+SKETCH_SETTINGS = ("plant", "sketch", "pictures")  # those that decide one of a single photograph
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,6 +192,36 @@ class CrownStageSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SketchStageSettings:
+    """How a tree is made of one photograph and the strokes over it; the tables plant and pictures hold for it too."""
+
+    # Of several trees in the strokes this one is made, counted from 1; auto is the only one. Range: 1 to 100.
+    tree: int | None = None
+    # The tree has this height from its root to its top. Unit: metres. Range: above 0.
+    height_m: float = SketchSettings.height_m
+    depth: float = SketchSettings.depth  # The crown is deeper than it is wide by this factor. Range: 0.1 to 5.
+    # on gives the tree leaves; off gives it none; auto gives it leaves where the photograph shows them.
+    leaves: MakeSketchLeaves = "auto"
+    # The leaves have this mean length; auto takes that of the species. Unit: metres. Range: above 0, to 10.
+    leaf_length_m: float | None = None
+    max_leaves: int = SketchModelSettings.max_leaves  # The tree has at most this many leaves. Range: 1 to 1000000.
+    crown: bool = True  # true gives the tree a crown for the distance.
+
+    def __post_init__(self) -> None:
+        if self.tree is not None and not 1 <= self.tree <= MAX_TREES:
+            raise ValueError(f"tree must be 1 to {MAX_TREES}, not {self.tree}")
+        if self.leaves not in get_args(MakeSketchLeaves):
+            raise ValueError(f"leaves must be one of {', '.join(get_args(MakeSketchLeaves))}, not {self.leaves!r}")
+        if not 1 <= self.max_leaves <= MAX_SKETCH_LEAVES:
+            raise ValueError(f"max_leaves must be 1 to {MAX_SKETCH_LEAVES}, not {self.max_leaves}")
+        if self.leaf_length_m is not None and not 0 < self.leaf_length_m <= MAX_LEAF_LENGTH_M:
+            raise ValueError(
+                f"leaf_length_m must be above 0 and at most {MAX_LEAF_LENGTH_M:g}, not {self.leaf_length_m:g}"
+            )
+        SketchSettings(height_m=self.height_m, depth=self.depth)
+
+
+@dataclass(frozen=True, kw_only=True)
 class PictureStageSettings(PictureSettings):
     """What is drawn of the finished asset; without the preview interpreter nothing is."""
 
@@ -215,6 +251,7 @@ class BuildSettings(SeedSettings):
     leaves: LeafStageSettings = field(default_factory=LeafStageSettings)
     foliage: FoliageSettings = field(default_factory=FoliageSettings)
     crown: CrownStageSettings = field(default_factory=CrownStageSettings)
+    sketch: SketchStageSettings = field(default_factory=SketchStageSettings)
     pictures: PictureStageSettings = field(default_factory=PictureStageSettings)
     tasks: TaskSettings = field(default_factory=TaskSettings)
 

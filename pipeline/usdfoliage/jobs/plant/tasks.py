@@ -18,7 +18,7 @@ from usdfoliage.files.code import digest_code, is_code
 from usdfoliage.files.hashing import digest_values, hash_files
 from usdfoliage.jobs.plant.inputs import BuildInputs
 from usdfoliage.jobs.plant.outside_tools import describe_interpreter, describe_validators
-from usdfoliage.jobs.plant.settings import BuildSettings, TaskSettings
+from usdfoliage.jobs.plant.settings import SKETCH_SETTINGS, BuildSettings, TaskSettings
 from usdfoliage.jobs.plant.store import Stamp, Store, find_finished
 from usdfoliage.jobs.work.keys import task_key
 from usdfoliage.remarks import Setting
@@ -28,6 +28,7 @@ logger = logging.getLogger(__name__)
 POSES, MATCHING, DEPTH, CLOUD = "poses", "matching", "depth", "cloud"
 ISOLATION = "isolation"
 BRANCHES, LEAVES, CROWN, ASSET = "branches", "leaves", "crown", "asset"
+SKETCH = "sketch"  # the whole asset of one photograph and its strokes
 PART_ASSET = "part-asset"  # of one part, where a build stops after it
 WITHHELD = "withheld"
 TURNTABLE, COMPARISONS, VARIANTS, REPORT = "turntable", "comparisons", "variants", "report"
@@ -40,6 +41,7 @@ STAGES = (
     BRANCHES,
     LEAVES,
     CROWN,
+    SKETCH,
     ASSET,
     WITHHELD,
     TURNTABLE,
@@ -130,29 +132,15 @@ def plan_build(
         name: Of the asset.
         only: Stages after which to stop; none: all. Parts among them get an asset of their own.
         profile: Digest of the studio's profile that the asset is validated by.
+
+    Raises:
+        CaptureError: The settings ask for what the files cannot give.
     """
+    if inputs.photo is not None:
+        return _plan_sketch(inputs, settings, name, only, profile)
     tasks: dict[str, Task] = {}
     megapixels = inputs.megapixels
-
-    def add(stage: str, deciding: object, needs: Sequence[str], estimate_s: float, **place: int) -> str:
-        chunk, chunks, number = place.get("chunk", 0), place.get("chunks", 1), place.get("round", 0)
-        full = _name_step(stage, number)
-        if chunks > 1:
-            full = f"{full}/{chunk + 1}"
-        keys = [tasks[each].key for each in needs]
-        key = task_key(build_code_version(stage), stage, number, chunk, chunks, deciding, keys)
-        tasks[full] = Task(
-            name=full,
-            stage=stage,
-            chunk=chunk,
-            chunks=chunks,
-            round=number,
-            needs=tuple(needs),
-            key=key,
-            estimate_s=estimate_s,
-        )
-        return full
-
+    add = functools.partial(_add_task, tasks)
     parts: list[str] = []
     poses = ""
     source = list(inputs.digests)
@@ -247,10 +235,77 @@ def plan_build(
         pictures.append(add(VARIANTS, picture_settings, [asset], 30.0))
     everything = [*([poses] if cloud else []), *dict.fromkeys([*has_cloud, *plant]), *parts, asset, *pictures]
     report = add(REPORT, (profile, describe_validators()), everything, 20.0)
-    stop_after = (*only, PART_ASSET)  # which there is for the parts among them alone
-    last = tuple(task.name for task in tasks.values() if task.stage in stop_after) if only else (report,)
     frames_folder = "" if inputs.frames is None else inputs.frames.folder.name
-    return BuildPlan(tasks=tasks, last=last, frames=frames_folder)
+    return BuildPlan(tasks=tasks, last=_last_tasks(tasks, inputs, only, report), frames=frames_folder)
+
+
+def _plan_sketch(
+    inputs: BuildInputs, settings: BuildSettings, name: str, only: Sequence[str], profile: str
+) -> BuildPlan:
+    """The tasks of a tree of one photograph, as plan_build: one makes its whole asset."""
+    tree = settings.sketch.tree
+    if settings.plant.hold_back:
+        raise CaptureError(
+            f"{inputs.source} is one photograph, and none can be withheld",
+            ("set ", Setting(name="plant.hold_back", value="0")),
+        )
+    if (inputs.trees > 1 and tree is None) or (tree or 1) > inputs.trees:
+        asked = "an asset is one of them" if tree is None else f"tree {tree} is asked for"
+        which = "1" if inputs.trees == 1 else f"a number from 1 to {inputs.trees}"
+        raise CaptureError(
+            f"the strokes of {inputs.source} are of {inputs.trees} tree{'s' * (inputs.trees > 1)}, and {asked}",
+            ("set ", Setting(name="sketch.tree"), f" to {which}, or build all by usdfoliage batch"),
+        )
+    tasks: dict[str, Task] = {}
+    add = functools.partial(_add_task, tasks)
+    draws = describe_interpreter() if settings.pictures.make else ()
+    decided = [getattr(settings, table) for table in SKETCH_SETTINGS]
+    sketch = add(SKETCH, (inputs.digests, inputs.name, settings.seed, decided, name, draws), (), 25.0)
+    pictures: list[str] = []
+    if settings.pictures.make:
+        drawn = (settings.pictures, draws)
+        pictures.append(add(TURNTABLE, drawn, [sketch], 4.0 + 1.2 * settings.pictures.turntable_frames))
+        pictures.append(add(VARIANTS, drawn, [sketch], 30.0))
+    report = add(REPORT, (profile, describe_validators()), [sketch, *pictures], 20.0)
+    return BuildPlan(tasks=tasks, last=_last_tasks(tasks, inputs, only, report))
+
+
+def _add_task(
+    tasks: dict[str, Task], stage: str, deciding: object, needs: Sequence[str], estimate_s: float, **place: int
+) -> str:
+    """Add a task to those of a plan; its name."""
+    chunk, chunks, number = place.get("chunk", 0), place.get("chunks", 1), place.get("round", 0)
+    full = _name_step(stage, number)
+    if chunks > 1:
+        full = f"{full}/{chunk + 1}"
+    keys = [tasks[each].key for each in needs]
+    key = task_key(build_code_version(stage), stage, number, chunk, chunks, deciding, keys)
+    tasks[full] = Task(
+        name=full,
+        stage=stage,
+        chunk=chunk,
+        chunks=chunks,
+        round=number,
+        needs=tuple(needs),
+        key=key,
+        estimate_s=estimate_s,
+    )
+    return full
+
+
+def _last_tasks(tasks: Mapping[str, Task], inputs: BuildInputs, only: Sequence[str], report: str) -> tuple[str, ...]:
+    """The tasks that are wanted for themselves; CaptureError where there are none of the stages that are asked for."""
+    if not only:
+        return (report,)
+    stop_after = (*only, PART_ASSET)  # which there is for the parts among them alone
+    last = tuple(task.name for task in tasks.values() if task.stage in stop_after)
+    if not last:
+        stages = dict.fromkeys(task.stage for task in tasks.values())
+        raise CaptureError(
+            f"a build of {inputs.source} has no stage {' and no stage '.join(only)}",
+            f"its stages are {', '.join(stages)}",
+        )
+    return last
 
 
 def find_wanted(plan: BuildPlan, store: Store, *, thorough: bool) -> tuple[dict[str, Task], dict[str, Stamp]]:

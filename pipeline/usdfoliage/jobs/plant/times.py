@@ -11,7 +11,7 @@ from statistics import median
 
 from usdfoliage.files.reading import open_regular
 from usdfoliage.jobs.plant.store import Store, derive_stage
-from usdfoliage.jobs.plant.tasks import ASSET, BRANCHES, CROWN, REPORT, VARIANTS, BuildPlan, Task
+from usdfoliage.jobs.plant.tasks import ASSET, BRANCHES, CROWN, REPORT, SKETCH, VARIANTS, BuildPlan, Task
 
 _MAX_STAMPS = 1000  # that are looked at; keys are hashes, so that the first by name are a fair choice
 _HEAD_BYTES = 600  # of a stamp, before its list of files
@@ -21,7 +21,7 @@ _HEAD = re.compile(
 )
 _MIN_S = 0.05
 # Their estimates know nothing of the plant: seconds are taken as they are.
-_OF_ANY_SIZE = (BRANCHES, CROWN, ASSET, VARIANTS, REPORT)
+_OF_ANY_SIZE = (BRANCHES, CROWN, SKETCH, ASSET, VARIANTS, REPORT)
 
 
 @dataclass(frozen=True, kw_only=True)

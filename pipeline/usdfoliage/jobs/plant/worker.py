@@ -17,6 +17,7 @@ from usdfoliage.jobs.plant.stages.isolate import isolate_capture
 from usdfoliage.jobs.plant.stages.part_asset import write_part_asset
 from usdfoliage.jobs.plant.stages.parts import find_leaves, make_crown, trace_branches
 from usdfoliage.jobs.plant.stages.report import compare_plant, report_plant, show_variants, turn_plant
+from usdfoliage.jobs.plant.stages.sketch import sketch_plant
 from usdfoliage.jobs.plant.stages.withheld import measure_plant
 from usdfoliage.jobs.plant.store import ResultFile, drop_result, fill_result, list_files
 from usdfoliage.jobs.plant.summary import SUMMARY, read_summary, rename_paths
@@ -33,6 +34,7 @@ from usdfoliage.jobs.plant.tasks import (
     PART_ASSET,
     POSES,
     REPORT,
+    SKETCH,
     TURNTABLE,
     VARIANTS,
     WITHHELD,
@@ -54,6 +56,7 @@ STAGES: Mapping[str, Stage] = {
     CROWN: make_crown,
     PART_ASSET: write_part_asset,
     ASSET: assemble_asset,
+    SKETCH: sketch_plant,
     WITHHELD: measure_plant,
     TURNTABLE: turn_plant,
     COMPARISONS: compare_plant,

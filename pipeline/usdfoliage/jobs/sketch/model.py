@@ -1,6 +1,8 @@
 """From a photograph in memory to all that a tree's asset is written from."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import cv2
 import numpy as np
@@ -29,6 +31,9 @@ Floats = NDArray[np.float64]
 
 WORK_PX = 1500  # longer side of the picture that a tree is made of, as in the paper; a larger photograph is shrunk
 CROWN_SIZE = 128  # texels a side of its cubemaps
+MAX_LEAVES = 1_000_000
+HAS_LEAVES: Mapping[str, bool | None] = MappingProxyType({"auto": None, "on": True, "off": False})  # as users name it
+MAX_LEAF_LENGTH_M = 10.0
 _BARK_PX = 20  # pixels of a stem, of which its colour is known
 
 
@@ -42,6 +47,7 @@ class SketchModelSettings:
     max_leaves: int = 20_000
     has_leaves: bool | None = None  # None: where the photograph shows any
     has_crown: bool = True
+    representations: tuple[str, ...] | None = None  # of the leaves; None: by their number
     max_faces: int = 200_000  # of the surface of branches
     motion: BranchMotion = field(default_factory=BranchMotion)
 
@@ -160,7 +166,12 @@ def _with_motion(branches: PlantBranches, foliage: BranchLeaves | None, settings
 
 
 def _grow_leaves(tree: SketchedTree, branches: PlantBranches, settings: SketchModelSettings) -> GrownLeaves:
-    request = FoliageRequest(kind=TEMPLATE, species=settings.species, length_m=settings.leaf_length_m)
+    request = FoliageRequest(
+        kind=TEMPLATE,
+        species=settings.species,
+        length_m=settings.leaf_length_m,
+        representations=settings.representations,
+    )
     request = replace(request, settings=replace(request.settings, max_leaves=settings.max_leaves, of_root=0.25))
     grown = grow_leaves(branches.skeleton.skeleton, request, None, settings.tree.seed)
     assert grown is not None

@@ -3,13 +3,20 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
+from usdfoliage.jobs.preview.pictures import (
+    MIN_SIDE_PX,
+    PreviewSettings,
+    PreviewView,
+    remark_missing_pictures,
+    render_views,
+)
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import write_picture
 from usdfoliage.jobs.report.table import ReportView, Row
@@ -27,6 +34,16 @@ SIDES = (
     ("Right side", "right", "preview_right.png"),
     ("Back", "back", "preview_back.png"),
     ("Left side", "left", "preview_left.png"),
+)
+PHOTOGRAPH, OVER_PHOTOGRAPH = "photograph.jpg", "over_photograph.png"  # of one size, for the compare bar
+PICTURES: Mapping[str, str] = MappingProxyType(  # captions by files
+    {
+        "strokes.jpg": "The strokes: the crown in red, branches in blue",
+        "foliage.jpg": "The pixels that are leaves of the tree",
+        "traced.jpg": "Branches that were traced: drawn ones in blue, found ones in red",
+        "growth.jpg": "How the tree grew in six steps, from the front and from the side: branches of the photograph in "
+        "brown, grown ones in green",
+    }
 )
 GROWTH_STEPS = 6
 _RED, _BLUE, _GREEN, _BROWN = (220, 40, 30), (30, 70, 220), (60, 170, 60), (110, 70, 30)
@@ -48,48 +65,82 @@ class SketchReport:
     seconds: Mapping[str, float]
 
 
-def draw_sides(
-    interface: Path | None, folder: Path, remarks: list[Remark], progress: StepProgress | None = None
-) -> tuple[ReportView, ...]:
-    """Pictures of the tree from four sides; none where Storm cannot draw.
+@dataclass(frozen=True, kw_only=True)
+class DrawnTree:
+    """Pictures of the finished tree."""
+
+    sides: tuple[ReportView, ...] = ()
+    over_photograph: str = ""  # file of the tree as the photograph has it; empty without Storm
+
+
+def draw_tree(
+    interface: Path | None,
+    model: SketchModel,
+    folder: Path,
+    remarks: list[Remark],
+    progress: StepProgress | None = None,
+) -> DrawnTree:
+    """Pictures of the tree from four sides, and one that lies over the photograph; none where Storm cannot draw.
 
     Args:
         interface: The asset; None for no pictures.
+        model: What it was written from.
         folder: Of the report.
         remarks: Gets one where there are no pictures.
         progress: Called at each picture.
     """
     if interface is None:
-        return ()
+        return DrawnTree()
     views = [PreviewView(output=folder / file, direction=direction) for _, direction, file in SIDES]
+    views.append(_view_over_photograph(model, folder / OVER_PHOTOGRAPH))
     try:
         settings = PreviewSettings(width_px=720, height_px=900)
         render_views(interface, views, settings, progress_in_step("preview", progress))
     except PreviewError as error:
         remarks.append(remark_missing_pictures(error))
-        return ()
-    return tuple(ReportView(name=title, file=file) for title, _, file in SIDES)
+        return DrawnTree()
+    sides = tuple(ReportView(name=title, file=file) for title, _, file in SIDES)
+    return DrawnTree(sides=sides, over_photograph=OVER_PHOTOGRAPH)
 
 
-def write_sketch_report(folder: Path, report: SketchReport, model: SketchModel, drawn: Sequence[ReportView]) -> Path:
+def _view_over_photograph(model: SketchModel, output: Path) -> PreviewView:
+    """What shows the tree where the photograph has it, from the front and without perspective, in the same frame."""
+    height_px, width_px = model.srgb.shape[:2]
+    frame = model.tree.asset_from_photo
+    left_m, top_m = frame[:2, 3]
+    right_m, bottom_m = frame[:2, 3] + np.diag(frame)[:2] * [width_px, height_px]
+    drawn = _shrink(model.srgb)[0].shape
+    return PreviewView(
+        output=output,
+        direction="front",
+        orthographic=True,
+        window=(float(left_m), float(right_m), float(bottom_m), float(top_m)),
+        size_px=(max(drawn[1], MIN_SIDE_PX), max(drawn[0], MIN_SIDE_PX)),
+    )
+
+
+def write_sketch_report(folder: Path, report: SketchReport, model: SketchModel, drawn: DrawnTree) -> Path:
     """Write index.html and its pictures into folder, which holds those of drawn; returns the page."""
     srgb, tree = model.srgb, model.tree
-    pictures = (
-        ("strokes.jpg", "The strokes: the crown in red, branches in blue", draw_strokes(srgb, model.strokes)),
-        ("foliage.jpg", "The pixels that are leaves of the tree", draw_foliage(srgb, tree)),
-        ("traced.jpg", "Branches that were traced from the strokes", draw_traced(srgb, tree)),
-        ("growth.jpg", "How the tree grew: branches of the photograph in brown", draw_growth(tree)),
+    drawings = (
+        draw_strokes(srgb, model.strokes),
+        draw_foliage(srgb, tree),
+        draw_traced(srgb, tree),
+        draw_growth(tree),
     )
-    for file, _, picture in pictures:
+    for file, picture in zip(PICTURES, drawings, strict=True):
         write_picture(folder / file, picture)
+    if drawn.over_photograph:
+        write_picture(folder / PHOTOGRAPH, _shrink(srgb)[0])
     page = render_template(
         "sketch_report.html",
         name=report.name,
         photo=report.photo,
         generator=report.generator,
         notes=list_sentences(report.remarks, report.render_setting),
-        views=drawn,
-        pictures=[ReportView(name=title, file=file) for file, title, _ in pictures],
+        views=drawn.sides,
+        compared=(PHOTOGRAPH, drawn.over_photograph) if drawn.over_photograph else None,
+        pictures=[ReportView(name=title, file=file) for file, title in PICTURES.items()],
         measures=report.rows,
         settings=[Row(name=name, value=value) for name, value in report.settings.items()],
     )
@@ -128,8 +179,8 @@ def draw_traced(srgb: Picture, tree: SketchedTree) -> Picture:
 def draw_growth(tree: SketchedTree) -> Picture:
     """The tree at six stages of its growth, from the front above and from the side below."""
     axes = tree.grown.axes
-    stages = tree.grown.stages
-    chosen = [stages[round(k * (len(stages) - 1) / (GROWTH_STEPS - 2))] for k in range(GROWTH_STEPS - 1)]
+    # Each axis stands behind those that it grew from. Equal factors, since each stage grows from all that there is.
+    counts = np.rint(np.geomspace(tree.grown.traced, len(axes), GROWTH_STEPS)).astype(int)
     points = np.concatenate([axis.points for axis in axes])
     low, high = points.min(axis=0), points.max(axis=0)
     size = max(float((high - low)[:2].max()), 1.0)
@@ -137,7 +188,7 @@ def draw_growth(tree: SketchedTree) -> Picture:
     rows = []
     for across in (0, 2):
         row = []
-        for count in (*chosen, len(axes)):
+        for count in counts.tolist():
             cell = np.full((side_px, side_px, 3), 255, np.uint8)
             middle = (low[across] + high[across]) / 2
             for axis in axes[:count]:

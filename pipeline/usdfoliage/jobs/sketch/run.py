@@ -4,23 +4,25 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usdfoliage import __version__
 from usdfoliage.asset.asset_record import AssetOrigin
-from usdfoliage.asset.packages.plant_package import write_plant_asset
+from usdfoliage.asset.packages.cards import DrawPictures
+from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.branch.foliage.species import describe_species
 from usdfoliage.capture.folder.images import Photo, read_photo
 from usdfoliage.capture.folder.masks import clean_mask, read_mask
 from usdfoliage.capture.mask_proposal.propose import propose_mask
+from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import hash_file
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.sketch.model import SketchModel, SketchModelSettings, model_tree, to_display
-from usdfoliage.jobs.sketch.report import SketchReport, draw_sides, write_sketch_report
+from usdfoliage.jobs.sketch.report import DrawnTree, SketchReport, draw_tree, write_sketch_report
 from usdfoliage.progress import StepProgress, follow_step
 from usdfoliage.remarks import (
-    Argument,
     Remark,
     RenderSetting,
     as_plan_setting,
@@ -28,11 +30,22 @@ from usdfoliage.remarks import (
     merge_remarks,
     remark,
 )
+from usdfoliage.sketch.foliage import find_sky
 from usdfoliage.sketch.proposal import propose_strokes
-from usdfoliage.sketch.strokes import Strokes, TreeStrokes, check_strokes, read_strokes, write_strokes
+from usdfoliage.sketch.strokes import (
+    Strokes,
+    TreeStrokes,
+    check_roots,
+    check_strokes,
+    name_tree,
+    read_strokes,
+    strokes_beside,
+    write_strokes,
+)
 
 STEPS = ("tree", "surface", "leaves", "motion", "crown", "asset", "preview")
 STROKES = "strokes.json"  # in the asset's folder
+_MIN_SPREAD = 4  # of 255, from the darkest to the brightest pixels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +82,25 @@ class SketchInput:
     remarks: tuple[Remark, ...]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TreeFolders:
+    """Where the files of a tree are written."""
+
+    asset: Path
+    report: Path
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WrittenTree:
+    """A tree in its folders, before it is published."""
+
+    interface: Path
+    model: SketchModel
+    drawn: DrawnTree
+    remarks: tuple[Remark, ...]
+    rows: tuple[Row, ...]
+
+
 @dataclass(frozen=True, kw_only=True)
 class WrittenSketch:
     """What was written, and what the user should know of it."""
@@ -87,26 +119,42 @@ def read_sketch_input(request: SketchRequest) -> SketchInput:
         FoliageError: A file cannot be used, they do not fit each other, or no tree is found.
     """
     photo = read_photo(request.photo, request.color_space)
+    srgb = to_display(photo.linear)
+    _require_picture(srgb, request.photo)
     remarks = list(photo.remarks)
     strokes = None
     if request.strokes is not None:
         strokes = read_strokes(request.strokes)
-        check_strokes(strokes, photo.width_px, photo.height_px, str(request.strokes))
+        name = str(request.strokes)
+        check_strokes(strokes, photo.width_px, photo.height_px, name)
+        check_roots(strokes, find_sky(srgb, request.settings.tree.seed), name)
     if request.mask is not None:
         given = read_mask(request.mask, photo.linear.shape, photo.orientation)
         cleaned = clean_mask(given)
         remarks += cleaned.remarks
-        proposed = propose_strokes(cleaned.mask, to_display(photo.linear))
+        proposed = propose_strokes(cleaned.mask, srgb)
         drawn = strokes.trees[0].branches_px if strokes is not None and len(strokes.trees) == 1 else ()
         tree = replace(proposed, branches_px=drawn or proposed.branches_px)
         strokes = _strokes_of(photo, tree)
     if strokes is None:
         proposal = propose_mask(photo.linear, seed=request.settings.tree.seed)
         text = f"the strokes are proposals (confidence {proposal.confidence:.2f}); {proposal.remark}"
-        remedy = (f"correct {STROKES} in the asset's folder and give it with ", Argument(name="strokes"))
+        beside = strokes_beside(request.photo).name
+        remedy = f"correct {STROKES} in the asset's folder, and put it beside the photograph as {beside}"
         remarks.append(remark("strokes-proposed", text, remedy=remedy))
-        strokes = _strokes_of(photo, propose_strokes(proposal.mask, to_display(photo.linear)))
+        strokes = _strokes_of(photo, propose_strokes(proposal.mask, srgb))
     return SketchInput(photo=photo, strokes=strokes, remarks=tuple(remarks))
+
+
+def _require_picture(srgb: NDArray[np.uint8], photo: Path) -> None:
+    """CaptureError for a photograph that shows nothing."""
+    dark, bright = np.percentile(srgb[::4, ::4], (1, 99), axis=(0, 1))
+    spread = float(np.max(bright - dark))
+    if spread < _MIN_SPREAD:
+        raise CaptureError(
+            f"{photo} shows nothing: its pixels differ by {spread:.0f} of 255, at least {_MIN_SPREAD} are needed",
+            "name a photograph of a tree",
+        )
 
 
 def _strokes_of(photo: Photo, tree: TreeStrokes) -> Strokes:
@@ -124,7 +172,7 @@ def make_sketch_asset(request: SketchRequest, progress: StepProgress | None = No
         return _make_tree(request, given, progress)
     made = []
     for number, tree in enumerate(given.strokes.trees, 1):
-        name = f"tree_{number:02d}"
+        name = name_tree(number)
         own = replace(request, name=name, output=request.output / name)
         made.append(_make_tree(own, replace(given, strokes=replace(given.strokes, trees=(tree,))), progress))
     return WrittenSketch(
@@ -137,51 +185,81 @@ def make_sketch_asset(request: SketchRequest, progress: StepProgress | None = No
 
 
 def _make_tree(request: SketchRequest, given: SketchInput, progress: StepProgress | None) -> WrittenSketch:
+    with publish_folder(
+        request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
+    ) as folder:
+        folders = TreeFolders(asset=folder, report=folder / "report")
+        tree = write_tree(folders, request, given, _provenance(request), progress=progress)
+    report = request.output / "report"
+    return WrittenSketch(
+        asset=request.output / tree.interface.name,
+        report=report / "index.html",
+        preview=report / tree.drawn.sides[0].file if tree.drawn.sides else None,
+        remarks=tree.remarks,
+        rows=tree.rows,
+    )
+
+
+def write_tree(
+    folders: TreeFolders,
+    request: SketchRequest,
+    given: SketchInput,
+    provenance: Provenance,
+    *,
+    written: PlantAssetSettings = PlantAssetSettings(),
+    pictures: DrawPictures | None = None,
+    progress: StepProgress | None = None,
+) -> WrittenTree:
+    """Make a tree of a photograph, and write its asset and its report; nothing is published.
+
+    Args:
+        folders: That of the asset exists.
+        request: What the user asked for.
+        given: The photograph, and the strokes over one tree.
+        provenance: Written into the asset.
+        written: How the asset is written.
+        pictures: Draws the asset's own pictures, as write_plant_asset takes it.
+        progress: Called at each step.
+
+    Raises:
+        FoliageError: The strokes hold no tree, or a file cannot be written.
+    """
     seconds: dict[str, float] = {}
     settings = request.settings
     if request.tape_m is not None:
         x1, y1, x2, y2, metres = request.tape_m
         scaled = replace(settings.tree, metres_per_px=metres / float(np.hypot(x2 - x1, y2 - y1)))
         settings = replace(settings, tree=scaled)
-    strokes = given.strokes.trees[0]
-    with publish_folder(
-        request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
-    ) as folder:
-        model = model_tree(given.photo.linear, strokes, settings, seconds, progress)
-        with follow_step("asset", seconds, progress):
-            interface = write_plant_asset(
-                folder,
-                request.name,
-                provenance=_provenance(request),
-                asset_from_capture=model.asset_from_photo,
-                branches=model.branches,
-                foliage=model.foliage,
-                crown=model.crown,
-            )
-            write_strokes(folder / STROKES, given.strokes)
-        remarks = [*given.remarks, *model.remarks]
-        report_folder = folder / "report"
-        report_folder.mkdir(exist_ok=True)
-        rows = sketch_rows(model)
-        drawn = draw_sides(interface if request.preview else None, report_folder, remarks, progress)
-        report = SketchReport(
-            name=request.name,
-            photo=request.photo.name,
-            generator=f"usdfoliage {__version__}",
-            rows=rows,
-            settings=describe_settings(request),
-            remarks=tuple(remarks),
-            render_setting=request.render_setting,
-            seconds=seconds if request.times else {},
+    model = model_tree(given.photo.linear, given.strokes.trees[0], settings, seconds, progress)
+    with follow_step("asset", seconds, progress):
+        interface = write_plant_asset(
+            folders.asset,
+            request.name,
+            provenance=provenance,
+            asset_from_capture=model.asset_from_photo,
+            branches=model.branches,
+            foliage=model.foliage,
+            crown=model.crown,
+            settings=written,
+            pictures=pictures,
         )
-        write_sketch_report(report_folder, report, model, drawn)
-    return WrittenSketch(
-        asset=request.output / interface.name,
-        report=request.output / "report" / "index.html",
-        preview=request.output / "report" / drawn[0].file if drawn else None,
-        remarks=tuple(remarks),
+        write_strokes(folders.asset / STROKES, given.strokes)
+    remarks = [*given.remarks, *model.remarks]
+    folders.report.mkdir(exist_ok=True)
+    rows = sketch_rows(model)
+    drawn = draw_tree(interface if request.preview else None, model, folders.report, remarks, progress)
+    report = SketchReport(
+        name=request.name,
+        photo=request.photo.name,
+        generator=f"usdfoliage {__version__}",
         rows=rows,
+        settings=describe_settings(request),
+        remarks=tuple(remarks),
+        render_setting=request.render_setting,
+        seconds=seconds if request.times else {},
     )
+    write_sketch_report(folders.report, report, model, drawn)
+    return WrittenTree(interface=interface, model=model, drawn=drawn, remarks=tuple(remarks), rows=rows)
 
 
 def plan_sketch_asset(request: SketchRequest) -> str:

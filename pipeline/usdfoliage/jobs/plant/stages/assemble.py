@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage import __version__
-from usdfoliage.asset.packages.asset_shape import AssetShape
-from usdfoliage.asset.packages.cards import AssetPictures
 from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
 from usdfoliage.asset.parts.branch_part import PlantBranches
 from usdfoliage.asset.parts.leaf_part import BranchLeaves
@@ -24,7 +22,7 @@ from usdfoliage.branch.motion.sway import SwaySettings
 from usdfoliage.branch.tracing.settings import BranchSettings
 from usdfoliage.capture.cloud_files.ply import read_cloud
 from usdfoliage.crown.leaf_picture import LeafPicture
-from usdfoliage.errors import FitError, FoliageError, PreviewError, PreviewTimeoutError
+from usdfoliage.errors import FitError, FoliageError
 from usdfoliage.files.npz import write_arrays
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_near_leaves, rig_branches, rig_near_leaves
 from usdfoliage.jobs.branches.run import VARIATIONS, name_variation, variation_seed
@@ -33,8 +31,8 @@ from usdfoliage.jobs.capture.results import CLOUD as CLOUD_FILE
 from usdfoliage.jobs.leaf_picture import picture_of_leaves
 from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
 from usdfoliage.jobs.plant.call import StageCall
-from usdfoliage.jobs.plant.pages.cards import draw_asset_pictures
-from usdfoliage.jobs.plant.settings import STAGE_SETTINGS, BuildSettings
+from usdfoliage.jobs.plant.settings import SKETCH_SETTINGS, STAGE_SETTINGS, BuildSettings
+from usdfoliage.jobs.plant.stages.asset_pictures import AssetDrawing
 from usdfoliage.jobs.plant.stages.foliage import (
     ChosenFoliage,
     choose_foliage,
@@ -54,7 +52,7 @@ from usdfoliage.jobs.plant.stages.models import (
 from usdfoliage.jobs.plant.stages.parts import describe_failed_variation, known_species
 from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StageSummary, read_summary, write_summary
-from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, CROWN, LEAVES
+from usdfoliage.jobs.plant.tasks import BRANCHES, CLOUD, CROWN, LEAVES, SKETCH
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.work.settings_file import list_settings
 from usdfoliage.leaf.model import Leaves, count_origins
@@ -140,23 +138,8 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         first = ["the lod crown is shown"] if wrong and crown is not None else []
         remarks.append(remark("plant-leaves-guessed", "; ".join([guessed, *first, *small])))
     variations: list[Row] = []
-    undrawn: list[Remark] = []
-    late: list[bool] = []
-    written: list[AssetShape] = []
     with tempfile.TemporaryDirectory(prefix="usdfoliage-thumbnail-", dir=call.out) as work:
-
-        def draw(interface: Path, shape: AssetShape) -> AssetPictures | None:
-            written.append(shape)
-            if not call.settings.pictures.make:
-                return None
-            try:
-                return draw_asset_pictures(interface, shape, Path(work), call.settings.pictures)
-            except PreviewError as error:
-                late.append(isinstance(error, PreviewTimeoutError))
-                what = "no thumbnail and no cards" if call.settings.pictures.cards else "no thumbnail"
-                undrawn.append(remark("thumbnail-missing", f"the asset has {what}: {error.text}", remedy=error.remedy))
-                return None
-
+        drawing = AssetDrawing(settings=call.settings.pictures, folder=Path(work))
         folder = call.out / ASSET_FOLDER
         folder.mkdir()
         write_plant_asset(
@@ -173,19 +156,19 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
                 version=call.settings.plant.version,
                 lod="crown" if few or little or wrong else None,
             ),
-            pictures=draw,
+            pictures=drawing.draw,
         )
         if branches is not None:
             variations, of_variations = _write_variations(call, folder, plant_from_capture, captured, chosen)
             remarks += of_variations
-    remarks += undrawn
+    remarks += drawing.remarks
     facts = AssetFacts(
         leaves=0 if chosen.leaves is None else len(chosen.leaves.leaves),
         foliage=chosen.kind,
         branches=0 if traced is None else len(traced.skeleton),
-        shape=written[0],
+        shape=drawing.shapes[0],
         origins={} if chosen.leaves is None else count_origins(chosen.leaves.leaves),
-        is_drawable=not any(late),
+        is_drawable=not drawing.is_late,
     )
     write_asset_facts(call.out, facts)
     if captured is not None:
@@ -198,7 +181,7 @@ def assemble_asset(call: StageCall) -> tuple[ResultFile, ...]:
         *chosen.rows,
         *variations,
     ]
-    write_summary(call.out, StageSummary(rows=rows, remarks=remarks, poor=bool(undrawn)))
+    write_summary(call.out, StageSummary(rows=rows, remarks=remarks, poor=bool(drawing.remarks)))
     return ()
 
 
@@ -377,7 +360,7 @@ def provenance_of(call: StageCall) -> Provenance:
     """What is recorded of the run: every setting, every version, every input file."""
     stages = {
         name: {key: text for key, text in list_settings(getattr(call.settings, name)).items() if _decides(key)}
-        for name in STAGE_SETTINGS
+        for name in (SKETCH_SETTINGS if call.has(SKETCH) else STAGE_SETTINGS)
     }
     inputs = dict(call.inputs.digests)
     return Provenance(

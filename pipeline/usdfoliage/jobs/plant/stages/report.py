@@ -34,9 +34,10 @@ from usdfoliage.jobs.plant.pages.report import (
     mark_settings,
 )
 from usdfoliage.jobs.plant.pages.report_html import write_plant_report
-from usdfoliage.jobs.plant.settings import STAGE_SETTINGS, BuildSettings
+from usdfoliage.jobs.plant.settings import SKETCH_SETTINGS, STAGE_SETTINGS, BuildSettings
 from usdfoliage.jobs.plant.stages.assemble import ASSET_FOLDER, LEAF_NUMBERS
 from usdfoliage.jobs.plant.stages.isolate import has_drawn_masks, plant_capture
+from usdfoliage.jobs.plant.stages.models import REPORT_FOLDER
 from usdfoliage.jobs.plant.store import ResultFile, copy_tree
 from usdfoliage.jobs.plant.summary import StageSummary, read_summary, write_summary
 from usdfoliage.jobs.plant.tasks import (
@@ -48,11 +49,13 @@ from usdfoliage.jobs.plant.tasks import (
     ISOLATION,
     LEAVES,
     POSES,
+    SKETCH,
     TURNTABLE,
     VARIANTS,
     WITHHELD,
 )
 from usdfoliage.jobs.report.table import Row
+from usdfoliage.jobs.sketch.report import OVER_PHOTOGRAPH, PHOTOGRAPH
 from usdfoliage.jobs.withheld.measure import FIGURES
 from usdfoliage.remarks import Remark, infos_of, merge_remarks, remark, warnings_of
 
@@ -67,6 +70,7 @@ TITLES: dict[str, tuple[str, str]] = {  # of stages in the report, and what each
     BRANCHES: ("Branches", "Skeleton, radii and surface of the branches, traced through the cloud."),
     LEAVES: ("Leaves", "Single leaves found in the photographs and fitted."),
     CROWN: ("Crown", "The crown as seen from its centre: how far it reaches, and its colours."),
+    SKETCH: ("Tree", "Leaves and branches that the strokes mark in the photograph, and a tree that grew from them."),
     ASSET: ("Plant", "All parts in one frame, in one asset."),
     WITHHELD: ("Withheld photographs", "The asset over photographs that it was not made of."),
 }
@@ -140,7 +144,7 @@ def report_plant(call: StageCall) -> tuple[ResultFile, ...]:
     report_folder.mkdir(exist_ok=True)
     profile = read_profile(call.request.profile or default_profile())
     validated = validate_asset(finished, profile)
-    asset = read_asset_facts(call.result_of(ASSET))
+    asset = read_asset_facts(call.asset_result)
     report = _collect(call, finished, validated, asset)
     write_plant_report(report_folder, report)
     _copy_details(call, report_folder)
@@ -204,7 +208,7 @@ def _collect(call: StageCall, finished: Path, validated: ValidationReport, asset
         stages=[_stage(call, name, summary) for name, summary in summaries.items()],
         findings=validated.findings,
         files=files,
-        settings=_settings(call.settings),
+        settings=_settings(call),
         inputs=[
             InputFile(name=name, sha256=digest, size_bytes=call.inputs.files[name].stat().st_size)
             for name, digest in call.inputs.digests
@@ -242,7 +246,7 @@ def _copy_details(call: StageCall, folder: Path) -> None:
         detail = read_summary(call.result_of(name)).detail if call.has(name) else ""
         if detail:
             copy_tree((call.result_of(name) / detail).parent, folder / name, link=True)
-    points, numbers = folder / LEAVES / POINTS_FILE, call.result_of(ASSET) / LEAF_NUMBERS
+    points, numbers = folder / LEAVES / POINTS_FILE, call.asset_result / LEAF_NUMBERS
     if points.is_file() and numbers.is_file():  # the asset has not all of the leaves that were found
         renumber_leaf_points(points, read_arrays(numbers)["number"])
 
@@ -264,6 +268,8 @@ def _stage(call: StageCall, name: str, summary: StageSummary) -> StageReport:
 
 
 def _read_comparisons(call: StageCall) -> list[Comparison]:
+    if call.has(SKETCH):
+        return _compare_sketch(call)
     folder = call.result_of(COMPARISONS) if call.has(COMPARISONS) else None
     if folder is None or not (folder / _COMPARED).is_file():
         return []
@@ -277,6 +283,15 @@ def _read_comparisons(call: StageCall) -> list[Comparison]:
         )
         for each in json.loads((folder / _COMPARED).read_text())
     ]
+
+
+def _compare_sketch(call: StageCall) -> list[Comparison]:
+    """The photograph of a sketch, and its tree drawn over the same frame; none without Storm."""
+    folder = call.result_of(SKETCH) / REPORT_FOLDER
+    photograph, drawing = folder / PHOTOGRAPH, folder / OVER_PHOTOGRAPH
+    if not drawing.is_file():
+        return []
+    return [Comparison(name=call.inputs.source.name, photograph=photograph, drawing=drawing)]
 
 
 def _read_variants(call: StageCall) -> list[Variant]:
@@ -294,24 +309,25 @@ def _read_variants(call: StageCall) -> list[Variant]:
     ]
 
 
-def _settings(settings: BuildSettings) -> list[StageSettings]:
-    defaults = BuildSettings()
-    return [mark_settings(name, getattr(settings, name), getattr(defaults, name)) for name in STAGE_SETTINGS]
+def _settings(call: StageCall) -> list[StageSettings]:
+    settings, defaults = call.settings, BuildSettings()
+    tables = SKETCH_SETTINGS if call.has(SKETCH) else STAGE_SETTINGS
+    return [mark_settings(name, getattr(settings, name), getattr(defaults, name)) for name in tables]
 
 
 def _asset_of(call: StageCall) -> Path:
-    return call.result_of(ASSET) / ASSET_FOLDER
+    return call.asset_result / ASSET_FOLDER
 
 
 def _shape_of(call: StageCall) -> AssetShape:
-    return read_asset_facts(call.result_of(ASSET)).shape
+    return read_asset_facts(call.asset_result).shape
 
 
 def _draw(call: StageCall, draw: Callable[[], Sequence[Remark]]) -> tuple[ResultFile, ...]:
     """Draw pictures, which may have remarks; without Storm there are none, and the report has a remark about it."""
     (call.out / _PICTURES).mkdir()
     try:
-        if not read_asset_facts(call.result_of(ASSET)).is_drawable:
+        if not read_asset_facts(call.asset_result).is_drawable:
             seconds = call.settings.pictures.time_limit_s
             raise PreviewTimeoutError(f"its thumbnail was not drawn within {seconds:g} s, and no other is tried")
         summary = StageSummary(remarks=tuple(draw()))

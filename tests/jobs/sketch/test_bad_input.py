@@ -1,0 +1,136 @@
+"""Photographs and strokes that no tree can be made of: one line each, and nothing written."""
+
+import json
+import os
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from usdfoliage.sketch.strokes import MAX_BYTES
+
+from tests.support.leaves.commands import refused, run
+from tests.support.photographs.drawn_trees import draw_leafy, write_photograph
+
+RING = [[150 + 110 * np.cos(a), 150 + 110 * np.sin(a)] for a in np.linspace(0, 2 * np.pi, 40, endpoint=False)]
+EIGHT = [[150 + 100 * np.sin(a), 150 + 90 * np.sin(2 * a)] for a in np.linspace(0, 2 * np.pi, 60, endpoint=False)]
+STEM = [[150, 380], [150, 280], [150, 200]]
+LOOP = [[150, 380], [150, 200], [220, 200], [220, 300], [120, 300]]
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> tuple[Path, Path]:
+    return write_photograph(tmp_path, draw_leafy(), "oak")
+
+
+def complaint(capsys, photo: Path, *words: object) -> str:
+    out = photo.parent / "out"
+    line = refused(capsys, "sketch", photo, "-o", out, "--no-preview", *words)
+    assert not out.exists()
+    assert len(line) < 600
+    return line
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"crown": [[x + 400, y] for x, y in RING]}, "leaves the picture"),
+        ({"branches": [[[150, 380], [150, -90]]]}, "leaves the picture"),
+        ({"crown": EIGHT}, "the crown of tree 1 .* crosses itself"),
+        ({"crown": RING + RING}, "the crown of tree 1 .* crosses itself"),
+        ({"branches": [LOOP]}, "branch 1 of tree 1 .* crosses itself"),
+        ({"width": 600}, "600 x 400 pixels, and the photograph has 300 x 400"),
+        ({"crown": []}, "the crown has 0 points"),
+        ({"crown": None}, "the crown must be a list"),
+        ({"crown": [[5, 5]]}, "the crown has 1 point,"),
+        ({"branches": [[[5, 5]]]}, "branch 1 has 1 point,"),
+        ({"branches": [[]]}, "branch 1 has 0 points"),
+        ({"branches": [[[20, 150], [100, 100]]]}, "begins in the sky, at x 20, y 150"),
+        ({"branches": [STEM[::-1]]}, "goes down the picture, from y 200 to 380"),
+        ({"crown": [[10, 10], [60, 10], [60, 60], [10, 60]]}, "no leaves"),
+        ({"crown": [[10, 10], [float("nan"), 10], [60, 60]]}, "list of points"),
+        ({"crown": [[10, 10], [10**400, 10], [60, 60]]}, "list of points"),
+        ({"crown": [[10, 10], [True, 10], [60, 60]]}, "list of points"),
+        ({"crown": "around"}, "list of points"),
+        ({"width": "wide"}, "width must be"),
+        ({"height": 10**4000}, "height must be"),
+        ({"trees": {"crown": RING}}, "holds no strokes"),
+        ({"trees": [None]}, "a tree is a table"),
+    ],
+)
+def test_strokes_that_cannot_be_of_the_photograph(files, capsys, change, words):
+    photo, strokes = files
+    content = {**json.loads(strokes.read_text()), "crown": RING, "branches": [STEM], **change}
+    strokes.write_text(json.dumps(content))
+    assert re.search(words, complaint(capsys, photo))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "no JSON"),
+        (b"\xff\xfe", "no JSON"),
+        (b"null", "holds no strokes"),
+        (b'"crown"', "holds no strokes"),
+        (b"[" * 100_000, "too deep"),
+        (b'{"crown": ' * 50_000, "too deep"),
+        (b" " * (MAX_BYTES + 1), "at most 20,000,000 are allowed"),
+        (b'{"width": 300, "height": 400, "crown": [[1, 1e999], [2, 2], [3, 9]]}', "list of points"),
+        (b'{"width": 300, "height": 400, "crown": [[1, ' + b"9" * 5000 + b"], [2, 2], [3, 9]]}", "no JSON"),
+    ],
+)
+def test_a_file_that_is_no_file_of_strokes(files, capsys, content, words):
+    photo, strokes = files
+    strokes.write_bytes(content)
+    assert words in complaint(capsys, photo)
+
+
+def test_a_pipe_and_a_folder_are_no_strokes(files, capsys, tmp_path):
+    photo, _ = files
+    os.mkfifo(tmp_path / "pipe.json")
+    assert "pipe.json" in complaint(capsys, photo, "--strokes", tmp_path / "pipe.json")
+    (tmp_path / "folder.json").mkdir()
+    assert "folder.json" in complaint(capsys, photo, "--strokes", tmp_path / "folder.json")
+
+
+def test_a_stroke_that_ends_a_little_beyond_its_beginning_is_a_crown(files):
+    photo, strokes = files
+    content = json.loads(strokes.read_text())
+    content["crown"] = [*RING, *([x + 6, y + 4] for x, y in RING[:3])]
+    strokes.write_text(json.dumps(content))
+    assert run("sketch", photo, "-o", photo.parent / "out", "--dry-run") == 0
+
+
+@pytest.mark.parametrize("shade", [0, 128, 255])
+def test_a_picture_of_one_colour_shows_no_tree(files, capsys, shade):
+    photo, strokes = files
+    cv2.imwrite(str(photo), np.full((400, 300, 3), shade, np.uint8))
+    assert "shows nothing" in complaint(capsys, photo)
+    strokes.unlink()
+    assert "shows nothing" in complaint(capsys, photo)
+
+
+def test_a_picture_of_a_wall_shows_no_tree(files, capsys):
+    photo, _ = files
+    rng = np.random.default_rng(0)
+    wall = np.full((400, 300, 3), (150, 160, 175), np.uint8)
+    wall[::20] = wall[:, ::40] = (110, 110, 115)
+    cv2.imwrite(str(photo), np.clip(wall + rng.normal(0, 5, wall.shape), 0, 255).astype(np.uint8))
+    assert "leaves" in complaint(capsys, photo)
+
+
+def test_a_photograph_that_cannot_be_read(files, capsys):
+    photo, _ = files
+    photo.write_bytes(photo.read_bytes()[:200])
+    assert "oak.png" in complaint(capsys, photo)
+    photo.unlink()
+    assert "oak.png" in complaint(capsys, photo)
+
+
+def test_a_grey_picture_is_a_tree_too(tmp_path):
+    photo, _ = write_photograph(tmp_path, draw_leafy(120, 160), "oak")
+    grey = cv2.cvtColor(cv2.imread(str(photo)), cv2.COLOR_BGR2GRAY)
+    cv2.imwrite(str(photo), grey)
+    words = ["--no-preview", "--most-leaves", "300", "--no-crown"]
+    assert run("sketch", photo, "-o", photo.parent / "out", *words) == 0
