@@ -14,24 +14,16 @@ preview interpreter is installed.
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.options.access import given
 from usdfoliage.cli.options.cloud import add_cloud
 from usdfoliage.cli.options.leaf_commands import (
-    add_no_preview,
     add_output,
     add_report_views,
-    add_reproducible,
-    add_seed,
+    add_run,
     add_threads,
-    add_writing,
 )
 from usdfoliage.files.write_gate import Access
-
-if TYPE_CHECKING:
-    from usdfoliage.jobs.crown.written import WrittenCrown
 
 
 def read_mesh_size(text: str) -> int | None:
@@ -85,12 +77,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_cloud(cloud)
     add_report_views(cloud, CapturedCrownRequest.report_views)
     run_options = parser.add_argument_group("this run")
-    add_seed(run_options, CrownSettings.seed)
+    add_run(run_options, CrownSettings.seed)
     add_threads(run_options, CrownSettings.threads)
-    add_no_preview(run_options)
-    add_reproducible(run_options)
-    add_writing(run_options)
-    add_json(run_options)
 
 
 def _add_photo_options(parser: argparse._ActionsContainer) -> None:
@@ -163,12 +151,10 @@ def declare(options: argparse.Namespace) -> Access:
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.capture.cloud_files.read import is_cloud_input
     from usdfoliage.cli.interrupts import handle_interrupts
-    from usdfoliage.cli.json_output import format_made
     from usdfoliage.cli.options.crown import read_captured_crown_request, read_crown_request
+    from usdfoliage.cli.plant_results import print_published
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.cli.remarks import print_remarks
 
-    made: WrittenCrown
     if options.photo.is_dir() or is_cloud_input(options.photo):
         from usdfoliage.jobs.crown.run_capture import (
             make_captured_crown_asset,
@@ -192,14 +178,5 @@ def run(options: argparse.Namespace) -> int:
             return 0
         with StepBar() as bar:
             made = make_crown_asset(request, bar.show)
-    if options.json:
-        print(format_made(asset=made.asset, report=made.report, facts=made.measures, remarks=made.remarks))
-        return 0
-    print_remarks(made.remarks, "crown")
-    for row in made.measures:
-        print(f"{row.name}: {row.value}")
-    print(f"asset: {made.asset}")
-    if made.preview:
-        print(f"preview: {made.preview}")
-    print(f"report: {made.report}")
+    print_published(made, "crown", as_json=options.json)
     return 0

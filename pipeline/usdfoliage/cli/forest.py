@@ -28,23 +28,18 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.options.access import given
 from usdfoliage.cli.options.build import add_job, add_machines, add_openjd, add_step, add_where, add_work
-from usdfoliage.cli.options.leaf_commands import (
-    add_no_preview,
-    add_output,
-    add_reproducible,
-    add_seed,
-    add_writing,
-)
+from usdfoliage.cli.options.leaf_commands import add_output, add_run
 from usdfoliage.cli.options.steps import LIST, PLAN, PUBLISH, print_steps, report_step, require_no_chunk, run_chunks
 from usdfoliage.files.write_gate import Access
 
 if TYPE_CHECKING:
     from usdfoliage.cli.openjd_lines import OpenjdLines
     from usdfoliage.jobs.forest.request import ForestRequest
-    from usdfoliage.jobs.forest.run import WrittenForest
+
+
+FOREST = "forest"  # this command, and what it makes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -237,11 +232,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_job(farm)
     add_machines(farm)
     run_options = parser.add_argument_group("this run")
-    add_seed(run_options, PlantingSettings.seed, 31)
-    add_no_preview(run_options)
-    add_reproducible(run_options)
-    add_writing(run_options)
-    add_json(run_options)
+    add_run(run_options, PlantingSettings.seed, 31)
 
 
 def declare(options: argparse.Namespace) -> Access:
@@ -261,6 +252,7 @@ def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.options.forest import read_forest_request
     from usdfoliage.cli.options.forest_tasks import check_task_options, is_job, is_of_tasks
+    from usdfoliage.cli.plant_results import print_published
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.jobs.forest.run import make_forest_asset, plan_forest_asset
 
@@ -279,14 +271,14 @@ def run(options: argparse.Namespace) -> int:
     handle_interrupts()
     with StepBar() as bar:
         made = make_forest_asset(request, bar.show)
-    _print_made(made, as_json=options.json)
+    print_published(made, FOREST, as_json=options.json)
     return 0
 
 
 def _run_tasks(request: "ForestRequest", options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.options.build import read_where
-    from usdfoliage.cli.plant_results import report_fault
+    from usdfoliage.cli.plant_results import print_published, report_fault
     from usdfoliage.cli.progress import StepBar
     from usdfoliage.jobs.forest_tasks.build import build_of
     from usdfoliage.jobs.forest_tasks.run import InternalFault, build_forest
@@ -304,13 +296,14 @@ def _run_tasks(request: "ForestRequest", options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("error: interrupted; the same command goes on from here", file=sys.stderr)
         return 130
-    _print_made(made, as_json=options.json)
+    print_published(made, FOREST, as_json=options.json)
     return 0
 
 
 def _run_step(request: "ForestRequest", options: argparse.Namespace) -> int:
     def run_step(lines: "OpenjdLines") -> int:
         from usdfoliage.cli.interrupts import handle_interrupts
+        from usdfoliage.cli.plant_results import print_published
         from usdfoliage.jobs.forest_tasks import run as forest_run
         from usdfoliage.jobs.forest_tasks.build import build_of
         from usdfoliage.jobs.plant.work_folder import find_work_folder
@@ -328,7 +321,7 @@ def _run_step(request: "ForestRequest", options: argparse.Namespace) -> int:
             return 0
         if options.step == PUBLISH:
             made = forest_run.publish_forest(build, request.render_setting)
-            _print_made(made, as_json=options.json)
+            print_published(made, FOREST, as_json=options.json)
             lines.progress(1.0)
             return 0
         asked, of = options.chunk or (options.chunks, None)
@@ -339,51 +332,26 @@ def _run_step(request: "ForestRequest", options: argparse.Namespace) -> int:
 
 
 def _write_job(request: "ForestRequest", options: argparse.Namespace) -> int:
-    from usdfoliage.cli.options.forest_tasks import FLAGS, SWITCHES, given_flags, list_parameters
+    from usdfoliage.cli.options.build import given_flags
+    from usdfoliage.cli.options.forest_tasks import FLAGS, SWITCHES, list_parameters
     from usdfoliage.cli.submit import write_farm_job
-    from usdfoliage.errors import FoliageError
     from usdfoliage.jobs.forest_tasks.build import build_of
     from usdfoliage.jobs.forest_tasks.run import find_steps
     from usdfoliage.jobs.forest_tasks.tasks import PLANTING
-    from usdfoliage.jobs.plant.farm_job import FarmJob
     from usdfoliage.jobs.plant.work_folder import find_work_folder
 
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     work = find_work_folder(options.work, options.output)
-    steps = find_steps(build_of(request, work))
-    try:
-        job = FarmJob(
-            name=request.name,
-            steps=steps,
-            parameters=list_parameters(options, parser, request.name, work),
-            flags=given_flags(options, FLAGS),
-            switches=given_flags(options, SWITCHES),
-            what="forest",
-            command="forest",
-            heavy=(PLANTING,),
-            executable=options.executable,
-            cores=options.cores,
-            memory_mib=options.memory_mib,
-            is_chunked=not options.no_chunking,
-        )
-    except ValueError as error:
-        raise FoliageError(f"--{error}") from error
-    write_farm_job(job, options)
+    write_farm_job(
+        options,
+        name=request.name,
+        steps=find_steps(build_of(request, work)),
+        parameters=list_parameters(options, parser, request.name, work),
+        flags=given_flags(options, FLAGS),
+        switches=given_flags(options, SWITCHES),
+        what=FOREST,
+        command=FOREST,
+        heavy=(PLANTING,),
+    )
     return 0
-
-
-def _print_made(made: "WrittenForest", *, as_json: bool) -> None:
-    from usdfoliage.cli.json_output import format_made
-    from usdfoliage.cli.remarks import print_remarks
-
-    if as_json:
-        print(format_made(asset=made.asset, report=made.report, facts=made.rows, remarks=made.remarks))
-        return
-    print_remarks(made.remarks, "forest")
-    for row in made.rows:
-        print(f"{row.name}: {row.value}{f' ({row.remark})' if row.remark else ''}")
-    print(f"asset: {made.asset}")
-    if made.preview:
-        print(f"preview: {made.preview}")
-    print(f"report: {made.report}")

@@ -1,18 +1,39 @@
-"""What is printed of a plant that was built."""
+"""What is printed of a plant that was built, and of an asset that a command has put in its place."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from usdfoliage.cli.json_output import format_json, list_made
-from usdfoliage.cli.remarks import render_for
+from usdfoliage.cli.json_output import format_json, format_made, list_made
+from usdfoliage.cli.remarks import print_remarks, render_for
 from usdfoliage.files.printable import printable
 from usdfoliage.remarks import warnings_of
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.finish import BuiltPlant
+    from usdfoliage.jobs.report.published import PublishedAsset
+    from usdfoliage.jobs.report.table import Row
 
 EXIT_CODES: Mapping[str, int] = {"built": 0, "failed": 2, "invalid": 3, "fault": 1}
+
+
+def print_published(made: "PublishedAsset", command: str, *, as_json: bool) -> None:
+    """Where an asset is, and what the user should know, with settings as command has them; or all of it as JSON."""
+    if as_json:
+        print(format_made(asset=made.asset, report=made.report, facts=made.rows, remarks=made.remarks))
+        return
+    print_remarks(made.remarks, command)
+    print_rows(made.rows)
+    print(f"asset: {made.asset}")
+    if made.preview:
+        print(f"preview: {made.preview}")
+    print(f"report: {made.report}")
+
+
+def print_rows(rows: "Iterable[Row]") -> None:
+    """Figures, a line each."""
+    for row in rows:
+        print(f"{row.name}: {row.value}{f' ({row.remark})' if row.remark else ''}")
 
 
 def print_plant(made: "BuiltPlant", command: str, *, debug: bool = False) -> None:
@@ -30,8 +51,7 @@ def print_plant(made: "BuiltPlant", command: str, *, debug: bool = False) -> Non
         return
     for warning in warnings_of(made.remarks):
         print(f"warning: {printable(warning.sentence(render))}")
-    for row in made.facts:
-        print(f"{row.name}: {row.value}{f' ({row.remark})' if row.remark else ''}")
+    print_rows(made.facts)
     print_withheld(made.withheld)
     ran = len(made.seconds or {})
     print(f"tasks: {made.tasks}, {made.cached} of them done by an earlier run, {ran} done now")
@@ -60,8 +80,7 @@ def print_withheld(figures: Mapping[str, object] | None) -> None:
         return
     from usdfoliage.jobs.withheld.measure import list_figures
 
-    for row in list_figures(figures):
-        print(f"{row.name}: {row.value} ({row.remark})")
+    print_rows(list_figures(figures))
 
 
 def format_plant(made: "BuiltPlant", command: str) -> str:

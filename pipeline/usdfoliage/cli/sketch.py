@@ -14,15 +14,11 @@ branches, and become the assets OUT/tree_01, OUT/tree_02, and so on.
 import argparse
 from pathlib import Path
 
-from usdfoliage.cli.json_output import add_json
 from usdfoliage.cli.options.access import given, parts_of_photograph
 from usdfoliage.cli.options.leaf_commands import (
     accept_negative_numbers,
-    add_no_preview,
     add_output,
-    add_reproducible,
-    add_seed,
-    add_writing,
+    add_run,
 )
 from usdfoliage.cli.options.motion import add_motion
 from usdfoliage.files.write_gate import Access
@@ -119,11 +115,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     leaves.add_argument("--no-crown", action="store_true", help="The asset has no crown for the distance.")
     add_motion(parser.add_argument_group("motion"))
     run_options = parser.add_argument_group("this run")
-    add_seed(run_options, SketchSettings.seed, 31)
-    add_no_preview(run_options)
-    add_reproducible(run_options)
-    add_writing(run_options)
-    add_json(run_options)
+    add_run(run_options, SketchSettings.seed, 31)
     accept_negative_numbers(parser)
 
 
@@ -136,10 +128,9 @@ def declare(options: argparse.Namespace) -> Access:
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
-    from usdfoliage.cli.json_output import format_made
     from usdfoliage.cli.options.sketch import read_sketch_request
+    from usdfoliage.cli.plant_results import print_published
     from usdfoliage.cli.progress import StepBar
-    from usdfoliage.cli.remarks import print_remarks
     from usdfoliage.jobs.sketch.run import make_sketch_asset, plan_sketch_asset
 
     handle_interrupts()
@@ -149,14 +140,5 @@ def run(options: argparse.Namespace) -> int:
         return 0
     with StepBar() as bar:
         made = make_sketch_asset(request, bar.show)
-    if options.json:
-        print(format_made(asset=made.asset, report=made.report, facts=made.rows, remarks=made.remarks))
-        return 0
-    print_remarks(made.remarks, "sketch")
-    for row in made.rows:
-        print(f"{row.name}: {row.value}{f' ({row.remark})' if row.remark else ''}")
-    print(f"asset: {made.asset}")
-    if made.preview:
-        print(f"preview: {made.preview}")
-    print(f"report: {made.report}")
+    print_published(made, "sketch", as_json=options.json)
     return 0

@@ -11,6 +11,7 @@ usdfoliage forest writes the job of a forest itself, with the same options.
 """
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,8 @@ from usdfoliage.cli.options.leaf_commands import add_threads
 from usdfoliage.files.write_gate import Access
 
 if TYPE_CHECKING:
-    from usdfoliage.jobs.plant.farm_job import FarmJob, JobParameter
+    from usdfoliage.jobs.plant.farm_job import JobParameter
+    from usdfoliage.jobs.plant.steps import Step
 
 FLAGS = ("--keep-invalid", "--reproducible", "--force", "--keep-old")  # of the last step
 
@@ -57,9 +59,8 @@ def declare(options: argparse.Namespace) -> Access:
 
 
 def run(options: argparse.Namespace) -> int:
-    from usdfoliage.cli.options.build import read_request
+    from usdfoliage.cli.options.build import given_flags, read_request
     from usdfoliage.errors import FoliageError
-    from usdfoliage.jobs.plant.farm_job import FarmJob
     from usdfoliage.jobs.plant.farm_steps import find_steps
 
     if options.template is None and options.bundle is None:
@@ -68,21 +69,13 @@ def run(options: argparse.Namespace) -> int:
         raise FoliageError(f"--threads must be 0 or more, not {options.threads}")
     output = options.output or Path(options.capture.absolute().stem)
     request = read_request(options, options.capture, output, options.name)
-    steps = find_steps(request)
-    try:
-        job = FarmJob(
-            name=request.name,
-            steps=steps,
-            parameters=_parameters(options, request.name, request.work),
-            flags=[flag for flag in FLAGS if getattr(options, flag[2:].replace("-", "_"))],
-            executable=options.executable,
-            cores=options.cores,
-            memory_mib=options.memory_mib,
-            is_chunked=not options.no_chunking,
-        )
-    except ValueError as error:
-        raise FoliageError(f"--{error}") from error
-    write_farm_job(job, options)
+    write_farm_job(
+        options,
+        name=request.name,
+        steps=find_steps(request),
+        parameters=_parameters(options, request.name, request.work),
+        flags=given_flags(options, FLAGS),
+    )
     return 0
 
 
@@ -97,10 +90,55 @@ def declare_job(options: argparse.Namespace, reads: tuple[Path, ...]) -> Access:
     return Access(reads=reads, replaces=tuple(outputs), fills=given(options.bundle))
 
 
-def write_farm_job(job: "FarmJob", options: argparse.Namespace) -> None:
-    """Write a job where the options of add_job have it, and print where it is."""
+def write_farm_job(
+    options: argparse.Namespace,
+    *,
+    name: str,
+    steps: "Sequence[Step]",
+    parameters: "Sequence[JobParameter]",
+    flags: Sequence[str],
+    switches: Sequence[str] = (),
+    what: str = "plant",
+    command: str = "task",
+    heavy: Sequence[str] = (),
+) -> None:
+    """Write a job where the options of add_job have it, for the machines of add_machines, and print where it is.
+
+    Args:
+        options: Of the command line.
+        name: As FarmJob has it, and so are the others.
+        steps: Likewise.
+        parameters: Likewise.
+        flags: Likewise.
+        switches: Likewise.
+        what: Likewise.
+        command: Likewise.
+        heavy: Likewise.
+
+    Raises:
+        FoliageError: An option cannot be, or a file cannot be written.
+    """
+    from usdfoliage.errors import FoliageError
+    from usdfoliage.jobs.plant.farm_job import FarmJob
     from usdfoliage.jobs.plant.openjd_template import values_file, write_job
 
+    try:
+        job = FarmJob(
+            name=name,
+            steps=steps,
+            parameters=parameters,
+            flags=flags,
+            switches=switches,
+            what=what,
+            command=command,
+            heavy=heavy,
+            executable=options.executable,
+            cores=options.cores,
+            memory_mib=options.memory_mib,
+            is_chunked=not options.no_chunking,
+        )
+    except ValueError as error:
+        raise FoliageError(f"--{error}") from error
     write_job(job, template=options.template, bundle=options.bundle, force=options.force)
     if options.template is not None:
         print(f"template: {options.template}\nparameters: {values_file(options.template)}")

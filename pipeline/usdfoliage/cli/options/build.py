@@ -2,6 +2,7 @@
 
 import argparse
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -123,6 +124,11 @@ def add_job(parser: argparse._ActionsContainer) -> None:
         ),
     )
     parser.add_argument("--bundle", metavar="FOLDER", type=Path, help="A job bundle is written to this folder.")
+
+
+def given_flags(options: argparse.Namespace, flags: Sequence[str]) -> list[str]:
+    """Those of the flags that the user has given."""
+    return [flag for flag in flags if getattr(options, flag[2:].replace("-", "_"))]
 
 
 def add_machines(parser: argparse._ActionsContainer) -> None:

@@ -1,7 +1,6 @@
 """How the tasks of a forest are chosen, and what a farm is given of its options."""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -66,11 +65,6 @@ def check_task_options(options: argparse.Namespace) -> None:
         )
     if options.step is not None and (options.jobs > 1 or options.scheduler):
         raise FoliageError("--step runs in this process", "leave --jobs and --scheduler out")
-
-
-def given_flags(options: argparse.Namespace, flags: Sequence[str]) -> list[str]:
-    """Those of the flags that the user has given."""
-    return [flag for flag in flags if getattr(options, flag[2:].replace("-", "_"))]
 
 
 def list_parameters(

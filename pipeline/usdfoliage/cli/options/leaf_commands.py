@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+from usdfoliage.cli.json_output import add_json
 from usdfoliage.errors import FoliageError
 
 T = TypeVar("T")
@@ -102,6 +103,15 @@ def add_replacing(parser: argparse._ActionsContainer) -> None:
         action="store_true",
         help="Keep the asset that is replaced, in a folder beside the new one. The name of the folder is printed.",
     )
+
+
+def add_run(parser: argparse._ActionsContainer, seed: int, powers: int = 63) -> None:
+    """What every command has that makes an asset with a report; the parameters are those of add_seed."""
+    add_seed(parser, seed, powers)
+    add_no_preview(parser)
+    add_reproducible(parser)
+    add_writing(parser)
+    add_json(parser)
 
 
 def add_seed(parser: argparse._ActionsContainer, default: int, powers: int = 63, *, is_setting: bool = False) -> None:

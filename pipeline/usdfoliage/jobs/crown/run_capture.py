@@ -32,10 +32,11 @@ from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.jobs.crown.capture_input import CrownCapture, PlantPoints, read_crown_capture
 from usdfoliage.jobs.crown.capture_report import DrawnCrown, captured_rows, draw_captured_crown, write_captured_report
 from usdfoliage.jobs.crown.photograph_report import CrownReport
-from usdfoliage.jobs.crown.written import WrittenCrown, describe_mesh_size
+from usdfoliage.jobs.crown.written import describe_mesh_size
 from usdfoliage.jobs.leaf_picture import describe_leaf, read_leaf_picture
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest
 from usdfoliage.jobs.preview.pictures import remark_missing_pictures
+from usdfoliage.jobs.report.published import PublishedAsset
 from usdfoliage.jobs.report.table import Row, WrittenReport
 from usdfoliage.progress import StepProgress
 from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, label_remarks
@@ -115,7 +116,7 @@ def find_captured_crown(
     return FoundCrown(read=read, read_s=read_s, model=model, measures=measures)
 
 
-def make_captured_crown_asset(request: CapturedCrownRequest, progress: StepProgress | None = None) -> WrittenCrown:
+def make_captured_crown_asset(request: CapturedCrownRequest, progress: StepProgress | None = None) -> PublishedAsset:
     """Reconstruct the crown of a capture and publish its asset; the old asset stays until the new one is whole.
 
     Raises:
@@ -139,12 +140,12 @@ def make_captured_crown_asset(request: CapturedCrownRequest, progress: StepProgr
         report_folder.mkdir(exist_ok=True)
         reported = report_crown(report_folder, request, found, interface if request.preview else None, progress)
         views = reported.drawn.views
-    return WrittenCrown(
+    return PublishedAsset(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
         preview=request.output / "report" / views[0].file if views else None,
         remarks=reported.remarks,
-        measures=found.rows,
+        rows=found.rows,
     )
 
 

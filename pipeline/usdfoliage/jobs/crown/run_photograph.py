@@ -21,9 +21,10 @@ from usdfoliage.errors import AssetError, FoliageError, PreviewError
 from usdfoliage.files.hashing import hash_bytes, hash_file
 from usdfoliage.jobs.crown.photograph import STEPS, CrownSettings, reconstruct_crown
 from usdfoliage.jobs.crown.photograph_report import CrownReport, measure_rows, write_crown_report
-from usdfoliage.jobs.crown.written import WrittenCrown, describe_mesh_size
+from usdfoliage.jobs.crown.written import describe_mesh_size
 from usdfoliage.jobs.leaf_picture import describe_leaf, read_leaf_picture
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
+from usdfoliage.jobs.report.published import PublishedAsset
 from usdfoliage.jobs.report.table import ReportView
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import Argument, Remark, RenderSetting, as_plan_setting, label_remarks, remark
@@ -103,7 +104,7 @@ def read_crown_input(request: CrownRequest) -> CrownInput:
     return CrownInput(photo=photo, mask=crown.mask, foliage=crown.foliage, proposed=proposed, remarks=tuple(remarks))
 
 
-def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None) -> WrittenCrown:
+def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None) -> PublishedAsset:
     """Reconstruct the crown and publish its asset; the old asset stays until the new one is whole.
 
     Raises:
@@ -157,12 +158,12 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
         )
         write_crown_report(report_folder, report, model, measures, given.photo.linear, given.mask)
         _keep_mask(request, folder)
-    return WrittenCrown(
+    return PublishedAsset(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
         preview=request.output / "report" / views[0].file if views else None,
         remarks=tuple(remarks),
-        measures=tuple(measure_rows(model, measures)),
+        rows=tuple(measure_rows(model, measures)),
     )
 
 

@@ -1,22 +1,6 @@
-"""What the commands of crowns have made."""
-
-from dataclasses import dataclass
-from pathlib import Path
+"""How the options of a crown that was made are written down."""
 
 from usdfoliage.asset.packages.leaf_package import AssetSettings
-from usdfoliage.jobs.report.table import Row
-from usdfoliage.remarks import Remark
-
-
-@dataclass(frozen=True, kw_only=True)
-class WrittenCrown:
-    """What was written, and what the user should know of it."""
-
-    asset: Path
-    report: Path
-    preview: Path | None
-    remarks: tuple[Remark, ...]
-    measures: tuple[Row, ...]
 
 
 def describe_mesh_size(settings: AssetSettings, map_size: int) -> str:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.asset.materials.ground import GroundMaterial
 from usdfoliage.asset.packages.forest_package import ForestTile, PlantedShot
+from usdfoliage.asset.packages.interface import TILES
 from usdfoliage.asset.parts.crown_leaves import OtherLeaves
 from usdfoliage.asset.parts.grass import GrassPrim
 from usdfoliage.asset.parts.planted import ForestPrototype, HiddenPlants, PlantedLevel
@@ -31,7 +32,6 @@ from usdfoliage.jobs.work.results import write_whole
 from usdfoliage.remarks import remark_from_json
 
 OUTLINE = "outline.json"
-TILES = "tiles"
 WHOLE = "whole"  # the tile of a forest in one piece
 _HEADER = "header"  # JSON in bytes, what is no array
 _GRASS = ("form", "position_m", "orientation", "scale", "tint", "open_sky")  # of a shot, one row a clump

@@ -1,7 +1,6 @@
 """From a DEM and what lies over it to a forest on disk."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from usdfoliage import __version__
@@ -18,25 +17,14 @@ from usdfoliage.jobs.forest.report import ForestReport, draw_forest, write_fores
 from usdfoliage.jobs.forest.request import ForestRequest, describe_settings
 from usdfoliage.jobs.forest.shots import choose_levels, read_cameras, remark_units
 from usdfoliage.jobs.forest.sky import write_sky
-from usdfoliage.jobs.report.table import Row
+from usdfoliage.jobs.report.published import PublishedAsset
 from usdfoliage.progress import StepProgress, follow_step
-from usdfoliage.remarks import Remark, label_remarks
+from usdfoliage.remarks import label_remarks
 
 STEPS = (*PLANTING_STEPS, "tiles", "asset", "preview")
 
 
-@dataclass(frozen=True, kw_only=True)
-class WrittenForest:
-    """What was written, and what the user should know of it."""
-
-    asset: Path
-    report: Path
-    preview: Path | None
-    remarks: tuple[Remark, ...]
-    rows: tuple[Row, ...]
-
-
-def make_forest_asset(request: ForestRequest, progress: StepProgress | None = None) -> WrittenForest:
+def make_forest_asset(request: ForestRequest, progress: StepProgress | None = None) -> PublishedAsset:
     """Plant a terrain and publish it as an asset; the old asset stays until the new one is whole.
 
     Raises:
@@ -62,7 +50,7 @@ def finish_forest(
     tiles: Sequence[WrittenTile],
     seconds: dict[str, float],
     progress: StepProgress | None = None,
-) -> WrittenForest:
+) -> PublishedAsset:
     """Write all of a forest but the layers of its tiles, inside publish_folder.
 
     Args:
@@ -104,7 +92,7 @@ def finish_forest(
         seconds=seconds if request.times else {},
     )
     write_forest_report(report_folder, report, drawn)
-    return WrittenForest(
+    return PublishedAsset(
         asset=request.output / interface.name,
         report=request.output / "report" / "index.html",
         preview=request.output / "report" / drawn[0].file if drawn else None,

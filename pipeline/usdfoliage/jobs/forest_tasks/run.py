@@ -7,14 +7,15 @@ from functools import partial
 import numpy as np
 
 from usdfoliage.asset.packages.forest_package import WrittenTile
+from usdfoliage.asset.packages.interface import TILES
 from usdfoliage.asset.publish import publish_folder
 from usdfoliage.errors import FoliageError
 from usdfoliage.files.json import read_json
 from usdfoliage.files.npz import reading_model
 from usdfoliage.jobs.forest.planted_file import read_outline
-from usdfoliage.jobs.forest.run import WrittenForest, finish_forest
+from usdfoliage.jobs.forest.run import finish_forest
 from usdfoliage.jobs.forest_tasks.build import ForestBuild
-from usdfoliage.jobs.forest_tasks.tasks import ASSET, PLANTED, PLANTING, TILES, ForestPlan, plan_forest
+from usdfoliage.jobs.forest_tasks.tasks import ASSET, PLANTED, PLANTING, ForestPlan, plan_forest
 from usdfoliage.jobs.forest_tasks.worker import TILE, run_forest_task
 from usdfoliage.jobs.plant.executor_choice import ExecutorChoice
 from usdfoliage.jobs.plant.executors import Done, Wanted, Workers, run_here, run_on
@@ -24,6 +25,7 @@ from usdfoliage.jobs.plant.steps import list_steps as steps_of
 from usdfoliage.jobs.plant.store import copy_tree, find_finished, read_stamp, remove_leftovers
 from usdfoliage.jobs.plant.tasks import find_wanted
 from usdfoliage.jobs.plant.workers import open_workers
+from usdfoliage.jobs.report.published import PublishedAsset
 from usdfoliage.progress import StepProgress
 from usdfoliage.remarks import RenderSetting
 
@@ -37,7 +39,7 @@ class InternalFault(Exception):
 
 def build_forest(
     build: ForestBuild, where: ExecutorChoice, render: RenderSetting, progress: StepProgress | None = None
-) -> WrittenForest:
+) -> PublishedAsset:
     """Plant a forest and write its tiles where the user chooses, and publish it; what is done is not done again.
 
     Args:
@@ -103,7 +105,7 @@ def run_chunk(chunk: Chunk[ForestBuild], progress: StepProgress | None = None) -
     return do_chunk(chunk, run_forest_task, progress)
 
 
-def publish_forest(build: ForestBuild, render: RenderSetting, progress: StepProgress | None = None) -> WrittenForest:
+def publish_forest(build: ForestBuild, render: RenderSetting, progress: StepProgress | None = None) -> PublishedAsset:
     """The step publish: the finished forest in its place, whole or not at all.
 
     Raises:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from usdfoliage.asset.packages.interface import TILES
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.forest.inputs import read_terrain
 from usdfoliage.jobs.forest.planted import list_tiles
@@ -14,7 +15,7 @@ from usdfoliage.jobs.plant.tasks import BuildPlan, Task, build_code_version
 from usdfoliage.jobs.plant.times import expect_times
 from usdfoliage.jobs.work.keys import task_key
 
-PLANTING, TILES = "planting", "tiles"
+PLANTING = "planting"  # the stage before that of the tiles, which is called as they are in the asset
 ASSET, PLANTED = "asset", "planted"  # folders of results: files of the asset, and what tiles are written from
 
 

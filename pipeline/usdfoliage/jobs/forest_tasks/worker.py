@@ -5,11 +5,12 @@ from functools import partial
 from pathlib import Path
 
 from usdfoliage.asset.packages.forest_package import write_forest_tile
+from usdfoliage.asset.packages.interface import TILES
 from usdfoliage.errors import CaptureError
 from usdfoliage.jobs.forest.planted import PLANTING_STEPS, plant_tiles
 from usdfoliage.jobs.forest.planted_file import read_tile, write_planted
 from usdfoliage.jobs.forest_tasks.build import ForestBuild, digest_forest
-from usdfoliage.jobs.forest_tasks.tasks import ASSET, PLANTED, PLANTING, TILES, ForestPlan, plan_forest
+from usdfoliage.jobs.forest_tasks.tasks import ASSET, PLANTED, PLANTING, ForestPlan, plan_forest
 from usdfoliage.jobs.plant.executors import Done, TaskOrder
 from usdfoliage.jobs.plant.one_task import PlannedWork, run_order
 from usdfoliage.jobs.plant.store import ResultFile, drop_result, fill_result, list_files

@@ -18,6 +18,7 @@ from usdfoliage.capture.folder.masks import clean_mask, read_mask
 from usdfoliage.capture.mask_proposal.propose import propose_mask
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import hash_file
+from usdfoliage.jobs.report.published import PublishedAsset
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.sketch.model import SketchModel, SketchModelSettings, model_tree, to_display
 from usdfoliage.jobs.sketch.report import DrawnTree, SketchReport, draw_tree, write_sketch_report
@@ -101,17 +102,6 @@ class WrittenTree:
     rows: tuple[Row, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class WrittenSketch:
-    """What was written, and what the user should know of it."""
-
-    asset: Path
-    report: Path
-    preview: Path | None
-    remarks: tuple[Remark, ...]
-    rows: tuple[Row, ...]
-
-
 def read_sketch_input(request: SketchRequest) -> SketchInput:
     """Read the photograph and the strokes over it, or propose strokes.
 
@@ -161,7 +151,7 @@ def _strokes_of(photo: Photo, tree: TreeStrokes) -> Strokes:
     return Strokes(image=photo.path.name, width_px=photo.width_px, height_px=photo.height_px, trees=(tree,))
 
 
-def make_sketch_asset(request: SketchRequest, progress: StepProgress | None = None) -> WrittenSketch:
+def make_sketch_asset(request: SketchRequest, progress: StepProgress | None = None) -> PublishedAsset:
     """Make the trees of a photograph and publish their assets; an old asset stays until the new one is whole.
 
     Raises:
@@ -175,7 +165,7 @@ def make_sketch_asset(request: SketchRequest, progress: StepProgress | None = No
         name = name_tree(number)
         own = replace(request, name=name, output=request.output / name)
         made.append(_make_tree(own, replace(given, strokes=replace(given.strokes, trees=(tree,))), progress))
-    return WrittenSketch(
+    return PublishedAsset(
         asset=made[0].asset,
         report=made[0].report,
         preview=made[0].preview,
@@ -184,14 +174,14 @@ def make_sketch_asset(request: SketchRequest, progress: StepProgress | None = No
     )
 
 
-def _make_tree(request: SketchRequest, given: SketchInput, progress: StepProgress | None) -> WrittenSketch:
+def _make_tree(request: SketchRequest, given: SketchInput, progress: StepProgress | None) -> PublishedAsset:
     with publish_folder(
         request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
     ) as folder:
         folders = TreeFolders(asset=folder, report=folder / "report")
         tree = write_tree(folders, request, given, _provenance(request), progress=progress)
     report = request.output / "report"
-    return WrittenSketch(
+    return PublishedAsset(
         asset=request.output / tree.interface.name,
         report=report / "index.html",
         preview=report / tree.drawn.sides[0].file if tree.drawn.sides else None,
