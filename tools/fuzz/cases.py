@@ -73,6 +73,19 @@ def _cloud(name: str, text: bool = False) -> Kind:
     )
 
 
+def _sketch(name: str, text: bool = False, cases: int = 20) -> Kind:
+    return Kind(
+        name=f"sketch {name}",
+        target=f"sketch/{name}",
+        text=text,
+        cases=cases,
+        commands=(
+            ("sketch", "sketch/oak.png", "-o", "out", "--dry-run"),
+            ("build", "sketch/oak.png", "-o", "out", "--dry-run"),
+        ),
+    )
+
+
 def _in_bed(target: str, text: bool = False, cases: int = 20) -> Kind:
     bed = target.split("/")[0]
     return Kind(
@@ -132,6 +145,7 @@ KINDS: tuple[Kind, ...] = (
     *map(_photograph, ("oak.tif", "oak tiled.tif", "oak.exr")),
     Kind(name="mask", target="photo/mask.png", commands=(_CROWN,)),
     Kind(name="tangent", target="photo/oak grey.png", commands=((*_CROWN, "--tangent", "photo/oak grey.png"),)),
+    *(_sketch("oak.png"), _sketch("oak.strokes.json", text=True, cases=60)),
     *(_in_bed("bed/images/leaf 1.png"), _in_bed("bed/masks/leaf 2.png"), _in_bed("bed/depth/leaf 3.exr")),
     *(_in_bed("bed/depth/leaf 4.png"), _in_bed("bed/capture.toml", text=True, cases=28)),
     *(_in_bed(f"bed/cameras/{name}.txt", text=True) for name in ("cameras", "images", "points3D")),

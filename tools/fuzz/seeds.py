@@ -16,11 +16,13 @@ from usdfoliage.jobs.capture.settings import CaptureRunSettings
 from usdfoliage.jobs.leaves.settings import LeavesRunSettings
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.work.settings_file import format_settings
+from usdfoliage.sketch.strokes import Strokes, strokes_beside, write_strokes
 
 from tests.support.capture_photos import LENS, draw, poses, scene, write_posed_photos
 from tests.support.captures import write_binary_model, write_depth
 from tests.support.cloud_files import write_las, write_ply, write_text
 from tests.support.crown_shapes import disc_mask, foliage
+from tests.support.photographs.drawn_trees import draw_leafy
 
 SIDE_PX = 96
 SPECIES = """[larch]
@@ -59,7 +61,7 @@ distance_m = 0.7
 
 
 def make_seeds(folder: Path) -> None:
-    """Write the folders photo/, plants/, bed/, binary/, cloud/, toml/, library/ and work/.
+    """Write the folders photo/, sketch/, plants/, bed/, binary/, cloud/, toml/, library/ and work/.
 
     Raises:
         RuntimeError: A command that makes one failed.
@@ -70,6 +72,7 @@ def make_seeds(folder: Path) -> None:
             raise RuntimeError(f"no seed: {' '.join(map(str, words))}")
 
     _write_photographs(folder / "photo")
+    _write_sketch(folder / "sketch")
     _write_clouds(folder / "cloud")
     plants = folder / "plants"
     make("scatter", "-n", 2, "-o", plants / "spray", "--texture", folder / "photo" / "oak alpha.png")
@@ -98,6 +101,16 @@ def make_seeds(folder: Path) -> None:
         'capture,name,plan\n../bed,bed,\n# a cloud\n../cloud/tree.ply,"tall, tree",../toml/build.toml\n'
     )
     make("build", folder / "bed", "-o", folder / "built", "--work", folder / "work", "--only", "poses")
+
+
+def _write_sketch(folder: Path) -> None:
+    """A photograph of a tree, and the strokes beside it."""
+    folder.mkdir(parents=True)
+    tree = draw_leafy(SIDE_PX, SIDE_PX)
+    photo = folder / "oak.png"
+    cv2.imwrite(str(photo), tree.srgb[..., ::-1])
+    strokes = Strokes(image=photo.name, width_px=SIDE_PX, height_px=SIDE_PX, trees=(tree.strokes,))
+    write_strokes(strokes_beside(photo), strokes)
 
 
 def _write_photographs(folder: Path) -> None:
