@@ -34,7 +34,7 @@ CROWN_SIZE = 128  # texels a side of its cubemaps
 MAX_LEAVES = 1_000_000
 HAS_LEAVES: Mapping[str, bool | None] = MappingProxyType({"auto": None, "on": True, "off": False})  # as users name it
 MAX_LEAF_LENGTH_M = 10.0
-_BARK_PX = 20  # pixels of a stem, of which its colour is known
+_FEW_BARK = 3  # pixels of a stem, of which its colour is known
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,7 +208,9 @@ def _bark_color(srgb: NDArray[np.uint8], strokes: TreeStrokes, tree: SketchedTre
     points = np.concatenate([each.points_px for each in tree.traced.branches if each.parent < 0])
     x, y = np.clip(np.floor(points).astype(int), 0, [srgb.shape[1] - 1, srgb.shape[0] - 1]).T
     shows = ~tree.foliage.mask[y, x] | (tree.traced.likely[y, x] > 0)
-    if shows.sum() < 3:
+    below = shows & ~tree.foliage.inside[y, x]  # in the crown sky and shade lie beside what is no leaf
+    shows = below if below.sum() >= _FEW_BARK else shows
+    if shows.sum() < _FEW_BARK:
         return None
     red, green, blue = decode_srgb(np.median(srgb[y[shows], x[shows]], axis=0) / 255).tolist()
     return red, green, blue
