@@ -18,6 +18,8 @@ from usdfoliage.capture.sky import segment_sky
 from usdfoliage.sketch.drawing import SHIFT, dilate, fixed_points
 from usdfoliage.sketch.minimum_cut import cut_pixels
 from usdfoliage.sketch.mixtures import Mixture, fit_mixture, log_density, log_parts
+from usdfoliage.sketch.sky_behind import share_of_tree
+from usdfoliage.sketch.stroke_margin import StrokeMargin, measure_margin
 
 Floats = NDArray[np.float64]
 
@@ -41,9 +43,14 @@ class FoliageCutSettings:
     smoothness: float = 60.0  # lambda
     dilation: float = 10.0  # pixels of a picture of 1500, by which the stroke may have been drawn too narrow
     around: float = 0.12  # of the crown's size, the width of the ring around it that is compared
-    rounds: int = 2  # of the cut, with mixtures of what the one before found
+    rounds: int = 3  # of the cut, with mixtures of what the one before found
     border: float = 2.0  # energy against leaves of a pixel at the stroke; it falls to 0 inside, and doubles outside
-    loose: float = 0.04  # of the crown's size, how far from the leaves strokes are drawn
+    loose: float = 0.04  # of the crown's size, how far from the leaves strokes are drawn, where that is not seen
+    sure_border: float = 6.0  # energy against leaves at one spread outside of where the stroke's margin has them end
+    steady: float = 0.01  # of the crown's size, the least spread of that margin
+    least_share: float = 0.3  # of a pixel before the sky, which is leaves
+    share_weight: float = 20.0  # energy of a whole pixel's share
+    beside_sky: float = 0.3  # of the energy by colour, that is left where the share is known
     dense: float = 0.03  # of the crown's size, around a pixel, where it is asked how much is leaves
     filled: float = 4.0  # energy for leaves of a pixel, where all around it is leaves
     max_pixels: int = 160_000  # of the crown's box, that labels are looked for in
@@ -119,7 +126,7 @@ def find_foliage(
     leaves, background = mixture.weighted(odds), mixture.weighted(1 - odds)
     flat = colors.reshape(-1, 3)
     size = float(max(high - low)) * scale
-    drawn = settings.border * np.clip(_signed_distance(inner) / (settings.loose * size) - 1, -2, 0)
+    drawn = _near_stroke(inner, None, size, settings)
     right, down = (settings.smoothness / (1 + np.square(np.diff(colors, axis=axis)).sum(axis=2)) for axis in (1, 0))
     labels, dense = inside, np.zeros(inside.shape)
     for again in range(settings.rounds):
@@ -132,7 +139,13 @@ def find_foliage(
             density = cv2.GaussianBlur(labels.astype(np.float32), (0, 0), max(1.0, settings.dense * size))
             dense = settings.filled * np.clip(2 * density - 1, 0, 1)
         energy = (log_density(background, flat) - log_density(leaves, flat)).reshape(inside.shape)
-        labels = cut_pixels(np.clip(energy, -_SURE, _SURE) - drawn - dense, right, down, inside)
+        energy = np.clip(energy, -_SURE, _SURE)
+        if again:
+            behind = share_of_tree(colors, sky, labels, size)
+            mixed = settings.share_weight * (settings.least_share - behind.share)
+            energy = np.where(behind.known, settings.beside_sky * energy + np.clip(mixed, -_SURE, _SURE), energy)
+            drawn = _near_stroke(inner, measure_margin(stroke, labels, behind.pure, size), size, settings)
+        labels = cut_pixels(energy - drawn - dense, right, down, inside)
     mask, whole = np.zeros((height, width), bool), np.zeros((height, width), bool)
     mask[y0:y1, x0:x1] = _enlarge(labels, (x1 - x0, y1 - y0))
     whole[y0:y1, x0:x1] = _enlarge(inside, (x1 - x0, y1 - y0))
@@ -146,6 +159,17 @@ def find_foliage(
         is_thin=is_thin,
         is_bare=is_thin and bool(mask.any()) and _are_twigs(srgb, mask, whole, branches_px),
     )
+
+
+def _near_stroke(
+    inner: NDArray[np.bool_], margin: StrokeMargin | None, size: float, settings: FoliageCutSettings
+) -> Floats:
+    """(H, W) energy for leaves by the distance from the stroke: below 0 near to it, and 0 well inside."""
+    distance = _signed_distance(inner)
+    if margin is None:
+        return np.asarray(settings.border * np.clip(distance / (settings.loose * size) - 1, -2, 0), np.float64)
+    spread = max(margin.spread_px, settings.steady * size)
+    return np.asarray(settings.sure_border * np.clip((distance - margin.middle_px) / spread, -2, 0), np.float64)
 
 
 def _signed_distance(mask: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -1,0 +1,66 @@
+"""How much of a pixel is tree, where sky is behind it. Our own.
+
+Fine leaves and twigs are narrower than a pixel, whose colour then is a mixture of theirs and the sky's. A mixture of
+normal distributions takes it for sky. The sky's colour is known beside it, and that of the leaves too, so that the
+share of the leaves is.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_NEAR = 0.05  # of the crown's size, within which colours of sky and of leaves are taken
+_SOME = 0.03  # weight of sky near a pixel, from which on it is known
+_BESIDE_PX = 2.0  # from leaves, that pure sky keeps; and leaves from what is none
+_APART = 30.0  # difference of colours, from which on a share is known
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SkyBehind:
+    """The share of the tree in pixels that have sky beside them."""
+
+    share: Floats  # (H, W) 0 sky, 1 tree; may leave that range
+    known: Mask  # (H, W)
+    pure: Mask  # (H, W) sky alone
+
+
+def share_of_tree(colors: Floats, sky: Mask, tree: Mask, size_px: float) -> SkyBehind:
+    """How much of each pixel is tree.
+
+    Args:
+        colors: (H, W, 3), 0 to 255.
+        sky: (H, W), about where sky is.
+        tree: (H, W), about where the tree is.
+        size_px: Of the crown.
+    """
+    sigma = max(1.0, _NEAR * size_px)
+    pure = sky & (_away_from(tree) > _BESIDE_PX)
+    deep = tree & (_away_from(~tree) > _BESIDE_PX)
+    deep = deep if deep.any() else tree
+    of_sky, near_sky = _mean_near(colors, pure, sigma)
+    of_tree, _ = _mean_near(colors, deep, 2 * sigma)
+    across = of_tree - of_sky
+    square = (across**2).sum(axis=2)
+    share = ((colors - of_sky) * across).sum(axis=2) / np.maximum(square, 1.0)
+    return SkyBehind(share=share, known=(near_sky > _SOME) & (square > _APART**2), pure=pure)
+
+
+def _away_from(mask: Mask) -> NDArray[np.float32]:
+    """(H, W) pixels to the nearest one of a mask; far where it is empty."""
+    if not mask.any():
+        return np.full(mask.shape, 1e6, np.float32)
+    return np.asarray(cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE))
+
+
+def _mean_near(colors: Floats, mask: Mask, sigma: float) -> tuple[Floats, Floats]:
+    """(H, W, 3) the mean colour of a mask's pixels near each place, and (H, W) the weight that they have there."""
+    weight = cv2.GaussianBlur(mask.astype(np.float64), (0, 0), sigma)
+    total = cv2.GaussianBlur(colors * mask[..., None], (0, 0), sigma)
+    all_of_it = colors[mask].mean(axis=0) if mask.any() else colors.mean(axis=(0, 1))
+    # Far from all of them it is the mean of all.
+    return (total + 1e-4 * all_of_it) / (weight + 1e-4)[..., None], weight
