@@ -102,7 +102,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--leaf-length",
         metavar="METRES",
         type=float,
-        help="Leaves have this mean length in metres, above 0; the default is that of the species.",
+        help="Leaves have this mean length in metres, above 0; the default is found by the photograph's texture.",
     )
     leaves.add_argument(
         "--most-leaves",

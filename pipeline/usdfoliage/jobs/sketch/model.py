@@ -15,15 +15,13 @@ from usdfoliage.branch.foliage.species import GENERIC, Species, load_species
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import FitError
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
-from usdfoliage.geometry.directions import unit_vectors
-from usdfoliage.jobs.branches.foliage import TEMPLATE, FoliageRequest, GrownLeaves, grow_leaves
+from usdfoliage.jobs.branches.foliage import GrownLeaves
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_near_leaves, rig_branches, rig_near_leaves
 from usdfoliage.jobs.branches.surfaces import build_surfaces
 from usdfoliage.jobs.crown.photograph import CrownSettings, reconstruct_crown
-from usdfoliage.leaf.model import LeafOrigin
+from usdfoliage.jobs.sketch.leaves import SketchLeaves, grow_sketch_leaves
 from usdfoliage.progress import StepProgress, follow_step
 from usdfoliage.remarks import Remark, remark
-from usdfoliage.sketch.leaf_choice import fit_leaves
 from usdfoliage.sketch.reconstruct import SketchedTree, SketchSettings, sketch_tree
 from usdfoliage.sketch.strokes import TreeStrokes
 
@@ -43,7 +41,7 @@ class SketchModelSettings:
 
     tree: SketchSettings = field(default_factory=SketchSettings)
     species: Species = field(default_factory=lambda: load_species(GENERIC))
-    leaf_length_m: float | None = None  # None: that of the species
+    leaf_length_m: float | None = None  # None: by the texture of the photograph
     max_leaves: int = 20_000
     has_leaves: bool | None = None  # None: where the photograph shows any
     has_crown: bool = True
@@ -125,8 +123,14 @@ def model_tree(
     has_leaves = not tree.foliage.is_bare if settings.has_leaves is None else settings.has_leaves
     if has_leaves:
         with follow_step("leaves", seconds, progress):
-            leaves = _grow_leaves(tree, branches, settings)
-            foliage = _leaves_of_picture(tree, leaves, linear, settings)
+            request = SketchLeaves(
+                species=settings.species,
+                length_m=settings.leaf_length_m,
+                max_leaves=settings.max_leaves,
+                representations=settings.representations,
+                seed=settings.tree.seed,
+            )
+            leaves, foliage = grow_sketch_leaves(tree, branches.skeleton.skeleton, srgb, linear, request)
             remarks += leaves.remarks
     elif settings.has_leaves is None:
         remarks.append(remark("tree-without-leaves", "the photograph shows twigs and no leaves; the tree has none"))
@@ -163,44 +167,6 @@ def _with_motion(branches: PlantBranches, foliage: BranchLeaves | None, settings
     if rig is not None and leaves is not None:
         rigged = rig_near_leaves(rig, skeleton, leaves, np.unique(surfaces.whole.curve))
     return replace(branches, rig=rig, growth=growth, rigged_leaves=rigged)
-
-
-def _grow_leaves(tree: SketchedTree, branches: PlantBranches, settings: SketchModelSettings) -> GrownLeaves:
-    request = FoliageRequest(
-        kind=TEMPLATE,
-        species=settings.species,
-        length_m=settings.leaf_length_m,
-        representations=settings.representations,
-    )
-    request = replace(request, settings=replace(request.settings, max_leaves=settings.max_leaves, of_root=0.25))
-    grown = grow_leaves(branches.skeleton.skeleton, request, None, settings.tree.seed)
-    assert grown is not None
-    return grown
-
-
-def _leaves_of_picture(
-    tree: SketchedTree, grown: GrownLeaves, linear: NDArray[np.float32], settings: SketchModelSettings
-) -> BranchLeaves:
-    """Those of the leaves that are over leaves of the picture, in its colours."""
-    leaves = grown.foliage.leaves
-    # From the asset to the frame of the picture, which has y up.
-    to_picture = np.diag([1.0, -1.0, 1.0, 1.0]) @ np.linalg.inv(tree.asset_from_photo)
-    scale = float(np.linalg.norm(to_picture[:3, 0]))
-    x, y, z, w = leaves.orientation.T
-    along = np.stack([2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)], axis=-1)
-    fitting = fit_leaves(
-        leaves.base_m @ to_picture[:3, :3].T + to_picture[:3, 3],
-        unit_vectors(along),
-        leaves.length_m * scale,
-        tree.bounds,
-        linear,
-        tree.foliage.mask,
-        np.random.default_rng([settings.tree.seed, 1]),
-    )
-    kept = np.flatnonzero(fitting.kept)
-    origin = np.where(fitting.seen, LeafOrigin.COMPLETED, LeafOrigin.OF_SPECIES).astype(np.int32)
-    chosen = replace(leaves, color=fitting.color, origin=origin).take(kept)
-    return replace(grown.foliage, leaves=chosen)
 
 
 def _bark_color(srgb: NDArray[np.uint8], strokes: TreeStrokes, tree: SketchedTree) -> tuple[float, float, float] | None:
