@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import griddata
+from scipy.spatial import cKDTree
 
 from usdfoliage.crown.silhouette import SilhouetteSettings, fit_star_silhouette
 from usdfoliage.crown.surface import SurfaceSettings, inflate_silhouette
@@ -19,6 +19,7 @@ from usdfoliage.sketch.drawing import close_gaps
 Floats = NDArray[np.float64]
 
 _CELLS = 96  # along the silhouette, that depth is known in
+_NEAREST = 4  # points of the inflated surface, whose mean height is taken
 _CLOSED = 0.05  # of the crown's width, gaps of the leaves that are inside
 _NARROW = 0.01  # of the crown's width, half of gaps that are as leaves
 _SHALLOW = 0.15  # of the crown's width: half of the depth at least, where a shoot leaves the inflated surface
@@ -101,7 +102,12 @@ def _inflate(inside: NDArray[np.bool_]) -> Floats:
     cell = surface.cell_px
     x = silhouette.center_px[0] + cell * surface.points[:, 0]
     y = silhouette.center_px[1] - cell * surface.points[:, 1]
-    columns, rows = np.meshgrid(np.arange(small.shape[1]) + 0.5, np.arange(small.shape[0]) + 0.5)
-    depth = griddata((x, y), cell * surface.points[:, 2], (columns, rows), method="linear", fill_value=0.0)
+    row, column = np.nonzero(largest)
+    # Points are denser than a cell everywhere: means of the nearest ones do, and cost less than a triangulation.
+    away, near = cKDTree(np.column_stack([x, y])).query(np.column_stack([column, row]) + 0.5, k=_NEAREST)
+    weight = 1 / (away**2 + (0.1 * cell) ** 2)
+    height = (weight * surface.points[near, 2]).sum(axis=1) / weight.sum(axis=1)
+    depth = np.zeros(small.shape)
+    depth[row, column] = cell * np.where(away[:, 0] < 2 * cell, height, 0.0)
     whole = cv2.resize(np.maximum(depth, 0) / scale, inside.shape[::-1], interpolation=cv2.INTER_LINEAR)
     return np.asarray(whole, np.float64)

@@ -121,6 +121,7 @@ class _Growth:
         self.step = 0.5 * settings.image_spacing * size
         self.samples = [sample_axis(axis.points, self.step) for axis in axes]
         self.replaced = [0] * len(axes)
+        self.placed: dict[tuple[int, int], tuple[Floats, NDArray[np.bool_]]] = {}
         self.keeps_trunk = sum(axis.order == 1 for axis in axes) >= settings.from_trunk
         trunk = axes[0].points
         self.pivot = trunk[len(trunk) // 2]
@@ -169,10 +170,8 @@ class _Growth:
         target_32, away_32 = targets.astype(np.float32), away.astype(np.float32)
         square = (target_32**2).sum(axis=1)
         for number in self.candidates():
-            support = self._support(number)
-            for subtree in self.library:
-                children = place_subtree(subtree, support, self.settings.rotations)
-                good = np.logical_and.accumulate(self.bounds.contains(children[:, :, 1:]), axis=2)
+            for which, subtree in enumerate(self.library):
+                children, good = self._place(number, which)
                 ends = children[:, :, 1:, :flat].astype(np.float32)
                 points = ends.reshape(-1, flat)
                 squared = (points**2).sum(axis=1)[:, None] - 2 * points @ target_32.T + square
@@ -190,6 +189,17 @@ class _Growth:
         for at, line in zip(subtree.at, lines, strict=True):
             self._add_child(number, float(at), line, others)
         return before
+
+    def _place(self, number: int, which: int) -> tuple[Floats, NDArray[np.bool_]]:
+        """(R, C, P, 3) the children of a subtree on a branch in each turn, and (R, C, P - 1) how far each stays inside.
+
+        Neither changes while the tree grows.
+        """
+        if (number, which) not in self.placed:
+            children = place_subtree(self.library[which], self._support(number), self.settings.rotations)
+            good = np.logical_and.accumulate(self.bounds.contains(children[:, :, 1:]), axis=2)
+            self.placed[number, which] = children, good
+        return self.placed[number, which]
 
     def _support(self, number: int) -> Floats:
         """The part of a branch that carries a subtree: of a trunk that in the crown."""

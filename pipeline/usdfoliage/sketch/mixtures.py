@@ -12,6 +12,7 @@ MAX_SAMPLES = 6000  # that a mixture is fitted to, drawn at random of more
 ROUNDS = 12
 WIDEN = 4.0  # variance that is added, of 8-bit colours: what one camera's noise has
 _BLOCK = 65_536  # colours at once
+_MIDDLE = 128.0  # of 8-bit colours
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,15 +74,31 @@ def _maximise(samples: Floats, odds: Floats) -> Mixture:
 
 def log_parts(mixture: Mixture, colors: Floats) -> Floats:
     """(N, K) logarithm of weight times density of each component at colours (N, 3)."""
+    # Each is a polynomial of second degree in the colour about the middle of all: one product of matrices.
+    terms = np.stack([_polynomial(mixture, number) for number in range(len(mixture))], axis=1)
     parts = np.empty((len(colors), len(mixture)))
-    for number in range(len(mixture)):
-        root = np.linalg.cholesky(mixture.covariance[number])
-        constant = np.log(max(mixture.weight[number], 1e-12)) - np.log(np.diag(root)).sum() - 1.5 * np.log(2 * np.pi)
-        inverse = np.linalg.inv(root)
-        for start in range(0, len(colors), _BLOCK):
-            away = (colors[start : start + _BLOCK] - mixture.mean[number]) @ inverse.T
-            parts[start : start + _BLOCK, number] = constant - 0.5 * np.einsum("nc,nc->n", away, away)
+    for start in range(0, len(colors), _BLOCK):
+        r, g, b = (colors[start : start + _BLOCK] - _MIDDLE).T
+        powers = np.stack([np.ones_like(r), r, g, b, r * r, r * g, r * b, g * g, g * b, b * b], axis=1)
+        parts[start : start + _BLOCK] = powers @ terms
     return parts
+
+
+def _polynomial(mixture: Mixture, number: int) -> Floats:
+    """(10,) coefficients of log_parts for one component, of the powers there."""
+    root = np.linalg.cholesky(mixture.covariance[number])
+    constant = np.log(max(mixture.weight[number], 1e-12)) - np.log(np.diag(root)).sum() - 1.5 * np.log(2 * np.pi)
+    inverse = np.linalg.inv(root)
+    form = -0.5 * inverse.T @ inverse
+    mean = mixture.mean[number] - _MIDDLE
+    rows, columns = np.triu_indices(3)
+    return np.concatenate(
+        [
+            [constant + mean @ form @ mean],
+            -2 * form @ mean,
+            form[rows, columns] * np.where(rows == columns, 1, 2),
+        ]
+    )
 
 
 def log_density(mixture: Mixture, colors: Floats) -> Floats:
