@@ -104,7 +104,8 @@ def _inflate(inside: NDArray[np.bool_]) -> Floats:
     y = silhouette.center_px[1] - cell * surface.points[:, 1]
     row, column = np.nonzero(largest)
     # Points are denser than a cell everywhere: means of the nearest ones do, and cost less than a triangulation.
-    away, near = cKDTree(np.column_stack([x, y])).query(np.column_stack([column, row]) + 0.5, k=_NEAREST)
+    places = np.column_stack([column, row]) + 0.5
+    away, near = (np.asarray(each) for each in cKDTree(np.column_stack([x, y])).query(places, k=_NEAREST))
     weight = 1 / (away**2 + (0.1 * cell) ** 2)
     height = (weight * surface.points[near, 2]).sum(axis=1) / weight.sum(axis=1)
     depth = np.zeros(small.shape)
