@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 _CELLS = 96  # along the silhouette, that depth is known in
 _NEAREST = 4  # points of the inflated surface, whose mean height is taken
 _CLOSED = 0.05  # of the crown's width, gaps of the leaves that are inside
+_DRAWN_OUTSIDE = 0.04  # of the crown's width, that a stroke is drawn outside of twigs
 _NARROW = 0.01  # of the crown's width, half of gaps that are as leaves
 _SHALLOW = 0.15  # of the crown's width: half of the depth at least, where a shoot leaves the inflated surface
 
@@ -52,12 +53,13 @@ class CrownBounds:
         return np.asarray(within & self.leaves[row, column])
 
 
-def bound_crown(leaves: NDArray[np.bool_], depth: float = 1.0) -> CrownBounds:
+def bound_crown(leaves: NDArray[np.bool_], depth: float = 1.0, drawn: NDArray[np.bool_] | None = None) -> CrownBounds:
     """The space of a crown: as deep as it is wide, by its inflated silhouette.
 
     Args:
         leaves: (H, W), as the photograph shows them.
         depth: Times as deep.
+        drawn: (H, W), inside of the stroke, for a bare tree: its finest twigs are not seen, and the stroke is.
 
     Raises:
         FitError: There are too few leaves.
@@ -73,6 +75,9 @@ def bound_crown(leaves: NDArray[np.bool_], depth: float = 1.0) -> CrownBounds:
     large = [each for each in contours if cv2.contourArea(each) > 0.0005 * width_px**2]
     cv2.drawContours(filled, large or contours, -1, 1, cv2.FILLED)
     inside = filled > 0
+    if drawn is not None:
+        away = cv2.distanceTransform(drawn.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        inside |= away > _DRAWN_OUTSIDE * width_px
     return CrownBounds(
         # A leaf in space may cover a narrow gap.
         leaves=close_gaps(leaves, max(1, round(_NARROW * width_px))) & inside,

@@ -257,7 +257,7 @@ def _sky_shares(mixture: Mixture, colors: Floats, is_sky: NDArray[np.bool_]) -> 
 
 
 def find_sky(srgb: NDArray[np.uint8], seed: int) -> NDArray[np.bool_]:
-    """(h, w) the sky of a picture (H, W, 3), made small."""
+    """(h, w) the sky of a picture (H, W, 3), which is made small before."""
     scale = min(1.0, _SKY_PX / max(srgb.shape[:2]))
     small = cv2.resize(srgb, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     lab = cv2.cvtColor(small.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)

@@ -4,10 +4,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.sketch.before_sky import complete_before_sky
+from usdfoliage.sketch.drawing import dilate
+from usdfoliage.sketch.foliage import find_sky
 from usdfoliage.sketch.strokes import TreeStrokes
 
 Floats = NDArray[np.float64]
 
+_MARGIN = 0.02  # of the crown's width, between its leaves and the stroke around it
 _SIMPLE = 0.004  # of the crown's width, by which the outline may leave the mask
 _WORK_PX = 500  # longer side of the picture in which the stem is looked for
 _BESIDE = 0.3  # of the crown's width, to either side of its middle, where a stem may come out
@@ -24,7 +28,8 @@ def propose_strokes(mask: NDArray[np.bool_], srgb: NDArray[np.uint8]) -> TreeStr
         mask: (H, W), its crown; not empty.
         srgb: (H, W, 3), the photograph.
     """
-    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    drawn = _with_margin(mask)
+    contours, _ = cv2.findContours(drawn.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     largest = max(contours, key=cv2.contourArea)
     width = float(np.ptp(largest[:, 0, 0]) + 1)
     outline = cv2.approxPolyDP(largest, _SIMPLE * width, True)[:, 0].astype(np.float64) + 0.5
@@ -32,6 +37,31 @@ def propose_strokes(mask: NDArray[np.bool_], srgb: NDArray[np.uint8]) -> TreeStr
         x, y, w, h = cv2.boundingRect(largest)
         outline = np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]], np.float64)
     return TreeStrokes(crown_px=outline, branches_px=(find_stem(mask, srgb),))
+
+
+def complete_proposal(mask: NDArray[np.bool_], srgb: NDArray[np.uint8], seed: int) -> NDArray[np.bool_]:
+    """(H, W) a proposed crown with what stands before the sky above it.
+
+    Args:
+        mask: (H, W), the proposal; not empty.
+        srgb: (H, W, 3), the photograph.
+        seed: Of the colours of the sky.
+    """
+    sky = find_sky(srgb, seed)
+    small = cv2.resize(mask.astype(np.uint8), sky.shape[::-1], interpolation=cv2.INTER_AREA) > 0
+    if not small.any():
+        return mask
+    colors = cv2.resize(srgb, sky.shape[::-1], interpolation=cv2.INTER_AREA).astype(np.float64)
+    complete = complete_before_sky(small, sky, colors)
+    if complete is small:
+        return mask
+    enlarged = cv2.resize(complete.astype(np.float32), mask.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    return np.asarray(enlarged > 0.5)
+
+
+def _with_margin(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """A mask as somebody would draw around it: a little outside of its leaves."""
+    return dilate(mask, _MARGIN * float(np.ptp(np.flatnonzero(mask.any(axis=0))) + 1))
 
 
 def find_stem(mask: NDArray[np.bool_], srgb: NDArray[np.uint8]) -> Floats:

@@ -88,7 +88,7 @@ def sketch_tree(
         foliage = find_foliage(srgb, strokes.crown_px, seeds[0], settings.foliage, strokes.branches_px)
     except ValueError as error:
         raise FitError("the crown's stroke holds nothing of the picture", "draw it around the leaves") from error
-    bounds = bound_crown(foliage.mask, settings.depth)
+    bounds = bound_crown(foliage.mask, settings.depth, foliage.inside if foliage.is_bare else None)
     if not strokes.branches_px:
         strokes = TreeStrokes(crown_px=strokes.crown_px, branches_px=(_stem_below(bounds),))
     traced = trace_tree(branch_odds(srgb, strokes, foliage, seeds[1], settings.trace), strokes, settings.trace)

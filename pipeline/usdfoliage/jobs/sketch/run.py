@@ -32,7 +32,7 @@ from usdfoliage.remarks import (
     remark,
 )
 from usdfoliage.sketch.foliage import find_sky
-from usdfoliage.sketch.proposal import propose_strokes
+from usdfoliage.sketch.proposal import complete_proposal, propose_strokes
 from usdfoliage.sketch.strokes import (
     Strokes,
     TreeStrokes,
@@ -45,6 +45,7 @@ from usdfoliage.sketch.strokes import (
 )
 
 STEPS = ("tree", "surface", "leaves", "motion", "crown", "asset", "preview")
+_CLEAR = 0.6  # confidence of a proposed mask, from which on nothing is added before the sky
 STROKES = "strokes.json"  # in the asset's folder
 _MIN_SPREAD = 4  # of 255, from the darkest to the brightest pixels
 
@@ -132,7 +133,10 @@ def read_sketch_input(request: SketchRequest) -> SketchInput:
         beside = strokes_beside(request.photo).name
         remedy = f"correct {STROKES} in the asset's folder, and put it beside the photograph as {beside}"
         remarks.append(remark("strokes-proposed", text, remedy=remedy))
-        strokes = _strokes_of(photo, propose_strokes(proposal.mask, srgb))
+        mask = proposal.mask
+        if proposal.confidence < _CLEAR:
+            mask = complete_proposal(mask, srgb, request.settings.tree.seed)
+        strokes = _strokes_of(photo, propose_strokes(mask, srgb))
     return SketchInput(photo=photo, strokes=strokes, remarks=tuple(remarks))
 
 
