@@ -48,7 +48,7 @@ class FoliageCutSettings:
     loose: float = 0.04  # of the crown's size, how far from the leaves strokes are drawn, where that is not seen
     sure_border: float = 6.0  # energy against leaves at one spread outside of where the stroke's margin has them end
     steady: float = 0.01  # of the crown's size, the least spread of that margin
-    least_share: float = 0.3  # of a pixel before the sky, which is leaves
+    min_share: float = 0.3  # of a pixel before the sky, which is leaves
     share_weight: float = 20.0  # energy of a whole pixel's share
     beside_sky: float = 0.3  # of the energy by colour, that is left where the share is known
     dense: float = 0.03  # of the crown's size, around a pixel, where it is asked how much is leaves
@@ -142,7 +142,7 @@ def find_foliage(
         energy = np.clip(energy, -_SURE, _SURE)
         if again:
             behind = share_of_tree(colors, sky, labels, size)
-            mixed = settings.share_weight * (settings.least_share - behind.share)
+            mixed = settings.share_weight * (settings.min_share - behind.share)
             energy = np.where(behind.known, settings.beside_sky * energy + np.clip(mixed, -_SURE, _SURE), energy)
             drawn = _near_stroke(inner, measure_margin(stroke, labels, behind.pure, size), size, settings)
         labels = cut_pixels(energy - drawn - dense, right, down, inside)

@@ -56,7 +56,7 @@ def fill_gaps(
     bounds: CrownBounds,
     length_px: float,
     width: float,
-    most: int,
+    max_leaves: int,
     rng: np.random.Generator,
     settings: LeafFillSettings = LeafFillSettings(),
 ) -> FilledLeaves:
@@ -69,7 +69,7 @@ def fill_gaps(
         bounds: Of the crown.
         length_px: Of a leaf.
         width: Of a leaf, in its lengths.
-        most: Leaves at most.
+        max_leaves: No more than these.
         rng: For which gaps are first, and for the slopes of leaves.
         settings: How.
     """
@@ -78,7 +78,7 @@ def fill_gaps(
         # At full width a cover of leaves would close gaps between them that it does not.
         drawn = covered.astype(np.uint8)
         tree = cKDTree(twigs[:, :2])
-        left = most
+        left = max_leaves
         for _ in range(settings.rounds):
             open_px = mask & (drawn == 0)
             if left <= 0 or open_px.sum() <= settings.enough * mask.sum():

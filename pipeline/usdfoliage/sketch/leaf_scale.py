@@ -1,6 +1,6 @@
 """How long the leaves in a photograph are, by the scale of its texture. Our own.
 
-Leaves lie over each other in any direction, each of about one colour. Two places of the picture are alike as far as
+Leaves lie over each other in any direction, each of about one colour. Two places of the picture are similar as far as
 they are on one leaf, so that the correlation of brightness falls with distance as leaves are large. Light and shade of
 whole limbs are taken off before.
 """

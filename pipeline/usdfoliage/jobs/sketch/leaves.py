@@ -121,7 +121,7 @@ def _fill_leaves(
     skeleton: Skeleton,
     species: Species,
     tree: SketchedTree,
-    most: int,
+    max_leaves: int,
     rng: np.random.Generator,
 ) -> Leaves:
     """Leaves over the gaps that the chosen ones leave, each of the form of one of all."""
@@ -136,7 +136,7 @@ def _fill_leaves(
         tree.bounds,
         species.leaf_length_m * scale,
         species.leaf_width,
-        most,
+        max_leaves,
         rng,
     )
     count = len(filled.base)
