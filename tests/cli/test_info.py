@@ -1,6 +1,8 @@
 """What `usdfoliage info` prints of assets and looks."""
 
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 
 import cv2
@@ -170,3 +172,16 @@ def test_a_missing_layer_is_an_answer_too(spray, tmp_path, capsys):
     assert any("leaves_mesh.usdc" in path for path in describe(capsys, tmp_path / "oak")["missing"])
     (tmp_path / "oak" / "payload" / "leaves.usdc").unlink()
     assert "leaves.usdc" in refused(capsys, "info", tmp_path / "oak")
+
+
+def test_what_is_not_needed_is_not_loaded():
+    """The process that waits for a command in a box loads no arrays, and a command that only reads no solvers."""
+    program = (
+        "import sys\n"
+        "import usdfoliage.__main__\n"
+        "print(sorted({'numpy', 'scipy'} & set(sys.modules)))\n"
+        "import usdfoliage.jobs.info\n"
+        "print(sorted({'cv2', 'scipy.interpolate', 'scipy.optimize', 'scipy.spatial'} & set(sys.modules)))\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert ended.stdout.splitlines() == ["[]", "[]"]

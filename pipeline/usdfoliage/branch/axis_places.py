@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from usdfoliage import _native
 from usdfoliage.branch.distances import place_on_axes
@@ -104,7 +104,7 @@ def nearest_places(
     nearest, from_bark_m = np.zeros(len(points_m), np.int64), np.full(len(points_m), np.inf)
     for number in np.unique(radius_class):
         some = np.flatnonzero(radius_class == number)
-        away_m, found = (np.asarray(each) for each in cKDTree(axis_m[some]).query(points_m, workers=-1))
+        away_m, found = (np.asarray(each) for each in scipy.spatial.cKDTree(axis_m[some]).query(points_m, workers=-1))
         away_m = away_m - radius_m[some[found]]
         nearer = away_m < from_bark_m
         nearest[nearer], from_bark_m[nearer] = some[found[nearer]], away_m[nearer]

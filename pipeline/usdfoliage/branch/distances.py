@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.geometry.directions import two_across
@@ -55,7 +55,7 @@ def distances_to_surface(points_m: NDArray[np.float64], skeleton: Skeleton, step
     """(N,) from points (N, 3) to the nearest branch's surface, radii being taken across places step_m apart."""
     places_m, radii_m, direction = sample_axes(skeleton, step_m)
     near = min(_NEAREST, len(places_m))
-    found = np.asarray(cKDTree(places_m).query(points_m, k=list(range(1, near + 1)), workers=-1)[1])
+    found = np.asarray(scipy.spatial.cKDTree(places_m).query(points_m, k=list(range(1, near + 1)), workers=-1)[1])
     nearest_m = np.full(len(points_m), np.inf)
     for place in found.T:  # across and along apart: inside a branch some place is always a radius away
         from_place = points_m - places_m[place]
@@ -74,7 +74,7 @@ def near_surface(points_m: NDArray[np.float64], skeleton: Skeleton, near_m: floa
     for each in np.unique(size)[::-1]:  # twigs are nearer to the bark of a thick branch than its axis is
         some = size == each
         farthest_m = near_m + 2.0**each
-        found = cKDTree(places_m[some]).query(points_m[left], distance_upper_bound=farthest_m, workers=-1)
+        found = scipy.spatial.cKDTree(places_m[some]).query(points_m[left], distance_upper_bound=farthest_m, workers=-1)
         away_m, near = (np.asarray(each) for each in found)
         within = np.isfinite(away_m)
         within[within] = away_m[within] - radii_m[some][near[within]] <= near_m
@@ -89,4 +89,4 @@ def distances_to_cloud(skeleton: Skeleton, points_m: NDArray[np.float64], step_m
     side, other = two_across(direction)
     turn = 2 * np.pi * (np.arange(len(places_m)) % _AROUND) / _AROUND
     surface_m = places_m + radii_m[:, None] * (np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * other)
-    return np.asarray(cKDTree(points_m).query(surface_m, workers=-1)[0])
+    return np.asarray(scipy.spatial.cKDTree(points_m).query(surface_m, workers=-1)[0])

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from usdfoliage.branch.distances import place_on_axes
 from usdfoliage.branch.model import Skeleton
@@ -68,7 +68,7 @@ def bare_lengths(
     step_m = max(float(skeleton.lengths_m.sum()) / (PLACES * len(skeleton.points_m)), 1e-9)
     places = place_on_axes(skeleton, step_m)
     surface_m, edge_m = _places_on_surface(points_m, faces)
-    away_m, nearest = (np.asarray(each) for each in cKDTree(surface_m).query(places.points_m, workers=-1))
+    away_m, nearest = (np.asarray(each) for each in scipy.spatial.cKDTree(surface_m).query(places.points_m, workers=-1))
     off = away_m > np.maximum(BARE * places.radius_m, edges * edge_m[nearest])
     own = np.flatnonzero(off)
     curve = skeleton.curve[places.vertex]
@@ -77,7 +77,8 @@ def bare_lengths(
         for each in np.unique(size):
             some = np.flatnonzero(size == each)
             apart_m, found = (
-                np.asarray(one) for one in cKDTree(places.points_m[some]).query(places.points_m[own], workers=-1)
+                np.asarray(one)
+                for one in scipy.spatial.cKDTree(places.points_m[some]).query(places.points_m[own], workers=-1)
             )
             thicker_m = places.radius_m[some[found]]
             thicker = (thicker_m > places.radius_m[own]) & (curve[some[found]] != curve[own])

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from usdfoliage.errors import FitError
 
@@ -134,7 +134,7 @@ def _spread(color: NDArray[np.floating], known: NDArray[np.bool_]) -> NDArray[np
     """Colours (H, W, 3), those of the nearest known texel where they are unknown: coarse levels mix what is beside."""
     if not known.any():
         return color
-    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    nearest = scipy.ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
     return color[tuple(nearest)]
 
 

@@ -5,8 +5,6 @@ import hashlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-import numpy as np
-
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.reading import open_regular
 
@@ -85,6 +83,8 @@ def digest_values(*parts: object) -> str:
 
 def _pieces(part: object) -> Iterator[bytes]:
     """Kinds and lengths count too: else a text could run over into the next one."""
+    import numpy as np  # here: the process that waits for a command in a box needs none of it
+
     if part is None or isinstance(part, bool | int | float | str):
         yield f"{type(part).__name__} {part!r}\n".encode()
     elif isinstance(part, np.ndarray):

@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from usdfoliage import _native
 
@@ -42,7 +40,7 @@ def find_pieces(
     rooted[of_point[~used]] = True  # no surface, so nothing that could be afloat
     back = np.flatnonzero(used)
     if len(back) and len(roots_m):
-        rooted[of_point[back[np.asarray(cKDTree(points_m[back]).query(roots_m)[1])]]] = True
+        rooted[of_point[back[np.asarray(scipy.spatial.cKDTree(points_m[back]).query(roots_m)[1])]]] = True
     gap_m = np.zeros(count)
     asked = np.flatnonzero(~rooted)
     gap_m[asked] = measure_gaps(points_m, faces, of_point, asked, near_enough_m)
@@ -52,8 +50,8 @@ def find_pieces(
 def label_pieces(points: int, faces: NDArray[np.integer]) -> tuple[NDArray[np.int32], int]:
     """(P,) the piece of each of so many points, from 0 on, and how many pieces there are."""
     ends = _edges(faces)
-    links = coo_array((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(points, points))
-    count, of_point = connected_components(links, directed=False)
+    links = scipy.sparse.coo_array((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(points, points))
+    count, of_point = scipy.sparse.csgraph.connected_components(links, directed=False)
     return of_point.astype(np.int32), int(count)
 
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
-from scipy.spatial.transform import Rotation
 
 from usdfoliage.asset.layer import FIRST_FRAME, author_frames, author_scopes, export_layer, new_layer
 from usdfoliage.asset.look_layer import each_variant
@@ -124,9 +124,9 @@ def _matrices(columns: NDArray[np.float64]) -> Vt.Matrix4dArray:
 
 def _quaternions(turns: NDArray[np.float64]) -> Vt.QuatfArray:
     """Rotations (J, 3, 3) for column vectors."""
-    xyzw = Rotation.from_matrix(turns).as_quat(canonical=True)
+    xyzw = scipy.spatial.transform.Rotation.from_matrix(turns).as_quat(canonical=True)
     return Vt.QuatfArray([Gf.Quatf(float(w), float(x), float(y), float(z)) for x, y, z, w in xyzw])
 
 
 def _rotations(turn_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(Rotation.from_rotvec(turn_rad).as_matrix())
+    return np.asarray(scipy.spatial.transform.Rotation.from_rotvec(turn_rad).as_matrix())

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from usdfoliage import _native
 from usdfoliage.branch.cage.tubes import Floats, Ints
@@ -57,9 +56,9 @@ def check_mesh(
     repeated = (np.diff(np.sort(quads, axis=1), axis=1) == 0).any(axis=1)
     diagonals = np.cross(points[quads[:, 2]] - points[quads[:, 0]], points[quads[:, 3]] - points[quads[:, 1]])
     flat = ~(np.linalg.norm(diagonals, axis=1) > 0)
-    links = csr_array((np.ones(len(start)), (start, end)), shape=(count, count))
+    links = scipy.sparse.csr_array((np.ones(len(start)), (start, end)), shape=(count, count))
     used = np.bincount(start, minlength=count) > 0
-    components, of = connected_components(links, directed=False)
+    components, of = scipy.sparse.csgraph.connected_components(links, directed=False)
     volume = np.bincount(of[quads[:, 0]], weights=_volumes(points, quads), minlength=components)
     real = np.bincount(of[used], minlength=components) > 0
     return CageCheck(
@@ -116,6 +115,6 @@ def _split_vertices(quads: Ints, count: int) -> int:
     matched = key[at] == back
     face, slot = np.divmod(partner, 4)
     mine, other = corner.reshape(-1)[matched], (face * 4 + (slot + 1) % 4)[matched]
-    links = csr_array((np.ones(len(mine)), (mine, other)), shape=(quads.size, quads.size))
-    fans, _ = connected_components(links, directed=False)
+    links = scipy.sparse.csr_array((np.ones(len(mine)), (mine, other)), shape=(quads.size, quads.size))
+    fans, _ = scipy.sparse.csgraph.connected_components(links, directed=False)
     return int(fans - len(np.unique(quads)))

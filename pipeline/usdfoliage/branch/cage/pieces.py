@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from usdfoliage.branch.distances import sample_axes
 from usdfoliage.branch.model import Skeleton
@@ -47,8 +47,8 @@ class StandingWood:
         return np.asarray(self.points_m[self.faces].mean(axis=1))
 
     @cached_property
-    def tree(self) -> cKDTree:
-        return cKDTree(self.middle_m)
+    def tree(self) -> "scipy.spatial.cKDTree":
+        return scipy.spatial.cKDTree(self.middle_m)
 
     def find_outside(self, places_m: NDArray[np.float64]) -> NDArray[np.bool_] | None:
         """(N,), which places (N, 3) of a polyline are outside the limit of the faces near it; None without any."""
@@ -62,7 +62,7 @@ class StandingWood:
         around = refined_m[quads]
         at_m = around.mean(axis=1)
         normal = np.cross(around[:, 2] - around[:, 0], around[:, 3] - around[:, 1])
-        nearest = np.asarray(cKDTree(at_m).query(places_m)[1])
+        nearest = np.asarray(scipy.spatial.cKDTree(at_m).query(places_m)[1])
         return np.asarray(np.einsum("nc,nc->n", places_m - at_m[nearest], normal[nearest]) > 0)
 
     def _typical_m(self, place_m: NDArray[np.float64]) -> float:
@@ -204,7 +204,7 @@ def _leaving_arc(
     at_m = np.unique(np.append(np.arange(0, walked_m[-1], step_m), walked_m[-1]))
     places_m = np.stack([np.interp(at_m, walked_m, column) for column in points_m.T], axis=1)
     own_m = np.interp(at_m, walked_m, radius_m)
-    away_m, nearest = (np.asarray(each) for each in cKDTree(axis_m).query(places_m))
+    away_m, nearest = (np.asarray(each) for each in scipy.spatial.cKDTree(axis_m).query(places_m))
     outside_m = away_m - axis_radius_m[nearest]
     if not (outside_m + own_m >= MIN_STUB * own_m).any():
         return None

@@ -5,9 +5,10 @@ its sign; the heights do not matter. The determinant is a polynomial: Bezier coe
 keeps its sign, values of both signs that it does not, and what neither decides is halved. Our own idea.
 """
 
+from math import comb
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import comb
 
 from usdfoliage.leaf.shape.surface import leaf_nets
 
@@ -59,8 +60,8 @@ def _product(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray
 
 
 def _binomials(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
-    rows, columns = coefficients.shape[1:]
-    return np.outer(comb(rows - 1, np.arange(rows)), comb(columns - 1, np.arange(columns)))
+    rows, columns = ([float(comb(count - 1, k)) for k in range(count)] for count in coefficients.shape[1:])
+    return np.outer(rows, columns)
 
 
 def _changes_sign(coefficients: NDArray[np.float64], depth: float) -> NDArray[np.bool_]:

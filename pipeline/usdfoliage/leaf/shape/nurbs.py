@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from usdfoliage.errors import FitError
 from usdfoliage.leaf.shape.surface import evaluate_jacobian, evaluate_points, grid_places
@@ -39,8 +37,8 @@ class FittedLeaf:
 
 def net_weights(uv: NDArray[np.float64]) -> NDArray[np.float64]:
     """What each of a net's 35 control points, u fastest, contributes to the surface at uv (P, 2): (P, 35)."""
-    across = BSpline.design_matrix(uv[:, 0], np.array(U_KNOTS), U_ORDER - 1).toarray()
-    along = BSpline.design_matrix(uv[:, 1], np.array(V_KNOTS), V_ORDER - 1).toarray()
+    across = scipy.interpolate.BSpline.design_matrix(uv[:, 0], np.array(U_KNOTS), U_ORDER - 1).toarray()
+    along = scipy.interpolate.BSpline.design_matrix(uv[:, 1], np.array(V_KNOTS), V_ORDER - 1).toarray()
     return np.asarray(np.einsum("pv,pu->pvu", along, across)).reshape(len(uv), -1)
 
 
@@ -76,7 +74,9 @@ def fit_leaf(net: NDArray[np.floating]) -> FittedLeaf:
 
     target = net_weights(SAMPLES) @ in_leaf.reshape(-1, 3)
     start = np.append(_read_net(in_leaf), 0.0)
-    solution = least_squares(_differences, start, _derivatives, method="lm", xtol=1e-15, ftol=1e-15, args=(target,))
+    solution = scipy.optimize.least_squares(
+        _differences, start, _derivatives, method="lm", xtol=1e-15, ftol=1e-15, args=(target,)
+    )
     parameters, roll = solution.x[:-1].reshape(7, 3), solution.x[-1]
     residual = float(np.sqrt(np.mean(np.sum(solution.fun.reshape(-1, 3) ** 2, axis=1))))
     if residual > FOLD_RESIDUAL and not np.all(np.diff(parameters[2:5, 0]) > 0):
@@ -89,7 +89,7 @@ def fit_leaf(net: NDArray[np.floating]) -> FittedLeaf:
     return FittedLeaf(
         parameters=parameters,
         base_m=base,
-        orientation=Rotation.from_matrix(turned).as_quat(),
+        orientation=scipy.spatial.transform.Rotation.from_matrix(turned).as_quat(),
         length_m=length,
         residual_m=residual * length,
     )
