@@ -101,19 +101,19 @@ def test_a_text_without_end_is_refused_before_it_is_read(tmp_path, command):
 def test_a_preview_is_timed_until_its_interpreter_begins(chain, tmp_path):
     words = ("preview", chain, "-o", tmp_path / "x.png")
     for variable in ("USDFOLIAGE_TIME_LIMIT_S", "USDFOLIAGE_CPU_LIMIT_S"):
-        code, printed, complaints = end(*words, **{variable: "4"})
+        code, printed, complaints = end(*words, **{variable: "3"})
         assert (code, printed) == (2, "")
         assert complaints.startswith(f"error: {chain} ")
         assert variable in complaints
     spray = tmp_path / "spray"
     assert run("scatter", "-n", 3, "-o", spray) == 0
     python = tmp_path / "python"
-    python.write_text("#!/bin/sh\ntimeout 20 sh -c 'while true; do :; done'\necho it drew >&2\n")
+    python.write_text("#!/bin/sh\n(ulimit -t 5; while true; do :; done)\nsleep 8\necho it drew >&2\n")
     python.chmod(0o755)
     code, _, complaints = end(
         *("preview", spray, "-o", tmp_path / "x.png"),
         USDFOLIAGE_HYDRA_PYTHON=str(python),
-        USDFOLIAGE_TIME_LIMIT_S="18",
+        USDFOLIAGE_TIME_LIMIT_S="12",
         USDFOLIAGE_CPU_LIMIT_S="4",
     )
     assert code == 2
