@@ -29,7 +29,7 @@ lint: setup
 	@.venv/bin/lint-imports
 
 test: setup-test lint
-	@$(PYTHON_VENV) -m pytest -m "not slow" -n 2 --dist loadfile
+	@env -u PYTHONDONTWRITEBYTECODE $(PYTHON_VENV) -m pytest -m "not slow" -n 2 --dist loadfile
 
 bench: setup
 	@$(PYTHON_VENV) tools/bench/texture.py

@@ -91,6 +91,9 @@ build_product() {
   make_venv .venv "$(product_python)" requirements/develop.txt
   # Tools and tests import one another as tools.* and tests.support.*, whichever folder they are started in.
   pwd > "$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/usdfoliage_develop.pth"
+  # An editable install compiles no modules, and a process that may write none compiles them at every start.
+  .venv/bin/python -m compileall -qq pipeline/usdfoliage usd_plugins hydra_preview tools \
+    || true # what cannot be compiled is reported where it is imported
   local stamp
   stamp=$(find pipeline/native pyproject.toml -type f | LC_ALL=C sort | xargs cat | sha256sum | cut -c1-16)
   if [ "$(cat .venv/built 2>/dev/null)" = "$stamp" ] && .venv/bin/python -c 'import usdfoliage._native' 2>/dev/null; then return; fi
