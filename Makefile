@@ -4,6 +4,10 @@
 SHELL := /bin/bash
 PYTHON_VENV := .venv/bin/python
 DEMO := out/demo
+# Files keep the order of tests/conftest.py; by the number of their tests, the longest ones would come last.
+PYTEST := env -u PYTHONDONTWRITEBYTECODE $(PYTHON_VENV) -m pytest -m "not slow" -n 2 --dist loadfile --no-loadscope-reorder
+# Of names, pages and what is declared; they run first, for a minute, since any change may break them.
+HOUSE_TESTS := tests/house tests/docs tests/test_remarks.py tests/cli/test_json_output.py
 
 .PHONY: setup setup-test demo test lint bench wheel clean
 
@@ -29,7 +33,8 @@ lint: setup
 	@.venv/bin/lint-imports
 
 test: setup-test lint
-	@env -u PYTHONDONTWRITEBYTECODE $(PYTHON_VENV) -m pytest -m "not slow" -n 2 --dist loadfile
+	@$(PYTEST) $(HOUSE_TESTS)
+	@$(PYTEST) $(addprefix --ignore=,$(HOUSE_TESTS))
 
 bench: setup
 	@$(PYTHON_VENV) tools/bench/texture.py
