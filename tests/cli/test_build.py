@@ -26,7 +26,7 @@ from tools.synthetic_foliage import write_capture
 # Quick and rough, and without pictures: what is tested here is the build and not how good its parts are.
 FAST = """
 [capture.depth]
-max_side_px = 320
+max_side_px = 200
 rounds = [{ level = 1, iterations = 3, coherent = false, segments = false },
           { level = 0, iterations = 2, coherent = true, segments = false }]
 [crown]
@@ -54,7 +54,7 @@ Run = Callable[..., tuple[int, str, str]]
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("captures of today") / "a fern"
-    write_capture(folder, known_foliage(leaves=20, views=5, size=(320, 240), up_axis="Z").capture)
+    write_capture(folder, known_foliage(leaves=20, views=5, size=(200, 150), up_axis="Z").capture)
     return folder
 
 
@@ -247,7 +247,7 @@ def test_wrong_masks_are_seen_before_anything_is_matched(kind: str, run: Run, tm
 def test_the_printed_plan_is_read_back_and_has_comments(run: Run, tmp_path: Path, plan: Path) -> None:
     code, out, _ = run("build", "--print-plan", "--plan", plan)
     assert code == 0
-    assert "max_side_px = 320  # " in out
+    assert "max_side_px = 200  # " in out
     (tmp_path / "again.toml").write_text(out)
     assert run("build", "--print-plan", "--plan", tmp_path / "again.toml")[1] == out
 
@@ -358,11 +358,11 @@ def test_stages_of_the_command_are_those_of_the_plan() -> None:
 
 
 def test_an_asset_in_place_gets_or_loses_its_times_as_asked(
-    capture: Path, plan: Path, tmp_path: Path, run: Run
+    built: Path, capture: Path, plan: Path, tmp_path: Path, run: Run
 ) -> None:
     out = tmp_path / "fern"
     times = out / "report" / "timings.js"
-    words = ("build", capture, "-o", out, "--plan", plan)
+    words = ("build", capture, "-o", out, "--plan", plan, "--work", built / "assets" / ".usdfoliage")
     for more, are_there in (((), True), (("--reproducible",), False), (("--reproducible",), False), ((), True)):
         assert run(*words, *more)[0] == 0
         assert times.exists() == are_there
