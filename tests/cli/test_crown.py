@@ -277,7 +277,7 @@ def test_a_bad_rerun_leaves_the_old_asset_whole(capture, tmp_path, capsys):
 def test_a_kill_leaves_the_old_asset_whole(capture, tmp_path, after_s):
     out = tmp_path / "oak"
     arguments = ["crown", str(capture / "oak.png"), "--mask", str(capture / "mask.png"), "-o", str(out), "--no-preview"]
-    assert main([*arguments, "--size", "32"]) == 0
+    assert main([*arguments, "--size", "32", "--mesh-size", "17"]) == 0
     before = files(out)
 
     process = subprocess.Popen(
@@ -290,7 +290,7 @@ def test_a_kill_leaves_the_old_asset_whole(capture, tmp_path, after_s):
     process.wait()
 
     assert files(out) == before
-    assert main([*arguments, "--size", "32"]) == 0  # the next run cleans up
+    assert main([*arguments, "--size", "32", "--mesh-size", "17"]) == 0  # the next run cleans up
     assert sorted(p.name for p in tmp_path.iterdir()) == ["oak"]
 
 
@@ -336,7 +336,7 @@ def test_files_that_are_not_the_assets_are_not_lost(capture, tmp_path, capsys):
 def test_an_interrupt_at_any_moment_ends_the_run_and_leaves_the_old_asset(capture, tmp_path, after_s):
     out = tmp_path / "oak"
     arguments = ["crown", str(capture / "oak.png"), "--mask", str(capture / "mask.png"), "-o", str(out), "--no-preview"]
-    assert main([*arguments, "--size", "32"]) == 0
+    assert main([*arguments, "--size", "32", "--mesh-size", "17"]) == 0
     before = files(out)
 
     command = [sys.executable, "-m", "usdfoliage", *arguments, "--size", "256"]
