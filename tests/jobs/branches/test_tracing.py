@@ -19,7 +19,7 @@ from tests.support.cloud_files import write_ply
 FEET_M = ((0.05, 0.02), (-0.05, 0.03), (0.01, -0.06))
 
 
-def noisy_leaves(rng, count: int, middle_m, spread_m, noise_m: float) -> list[np.ndarray]:
+def noisy_leaves(rng, count: int, middle_m, spread_m, noise_m: float, points: int = 400) -> list[np.ndarray]:
     """Flat leaves 9 cm long that lie any way, as blurred as photographs show them."""
     leaves = []
     for _ in range(count):
@@ -27,10 +27,10 @@ def noisy_leaves(rng, count: int, middle_m, spread_m, noise_m: float) -> list[np
         normal /= np.linalg.norm(normal)
         along = np.cross(normal, rng.normal(size=3))
         along /= np.linalg.norm(along)
-        radius, turn = np.sqrt(rng.uniform(0, 1, 1500)), rng.uniform(0, 2 * np.pi, 1500)
+        radius, turn = np.sqrt(rng.uniform(0, 1, points)), rng.uniform(0, 2 * np.pi, points)
         flat = np.column_stack([0.045 * radius * np.cos(turn), 0.025 * radius * np.sin(turn)])
         points_m = flat @ np.stack([along, np.cross(normal, along)]) + rng.normal(middle_m, spread_m)
-        leaves.append(points_m + rng.normal(0, noise_m, 1500)[:, None] * normal)
+        leaves.append(points_m + rng.normal(0, noise_m, points)[:, None] * normal)
     return leaves
 
 
@@ -47,7 +47,7 @@ def test_stems_of_a_herb_are_distinguished_from_its_blurred_leaves(tmp_path):
         cone([x, 0, z], [2.2 * x, 0.3, 2.2 * z], (0.005, 0.004), 5000, 3 + number, noise_m)
         for number, (x, z) in enumerate(FEET_M)
     ]
-    points_m = np.concatenate([*stems, *noisy_leaves(rng, 30, [0, 0.36, 0], [0.08, 0.02, 0.08], noise_m)])
+    points_m = np.concatenate([*stems, *noisy_leaves(rng, 30, [0, 0.36, 0], [0.08, 0.02, 0.08], noise_m, 1500)])
     found = trace(tmp_path / "herb.ply", points_m, needs_stems=True)
     skeleton = found.traced.skeleton
     assert any(each.code == "traced-coarsely" for each in found.remarks)
