@@ -165,11 +165,11 @@ def is_gone(pid):
 
 def test_leaves_of_an_asset_are_opened_in_a_box_before_branches_take_them(chain, parentheses, tmp_path):
     cloud, spray = tmp_path / "tree.ply", tmp_path / "spray"
-    write_ply(cloud, cloud_of(small_tree(), per_m2=2000))
+    write_ply(cloud, cloud_of(small_tree(), per_m2=1000))
     assert run("scatter", "-n", 3, "-o", spray) == 0
     words = ("branches", cloud, "--no-preview", "-o", tmp_path / "out", "--leaves")
     for asset, environment, what in (
-        (chain, {"USDFOLIAGE_CPU_LIMIT_S": "6"}, f"error: {chain} "),  # USD's stack ends, or its time
+        (chain, {"USDFOLIAGE_CPU_LIMIT_S": "3"}, f"error: {chain} "),  # USD's stack ends, or its time
         (parentheses, {"USDFOLIAGE_MEMORY_LIMIT_GIB": "0.6"}, f"error: {parentheses} takes more than 0.6 GiB"),
     ):
         code, printed, complaints = end(*words, asset, **environment)
