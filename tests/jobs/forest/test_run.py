@@ -238,7 +238,7 @@ def leaf_row(files, tmp_path, leaf: str) -> Path:
     return _write(tmp_path / "plants.toml", f'{text[:first]}leaf = "{leaf}"\n{text[first:]}')
 
 
-@pytest.mark.parametrize("tile", [(), ("--tile", "30")])
+@pytest.mark.parametrize("tile", [(), ("--tile", "60")])
 def test_a_row_gives_the_crown_of_its_asset_other_leaves(files, tmp_path, tile):
     write_leaf(tmp_path / "oak_leaf.png", drawn_leaf(30, 100))
     plants = leaf_row(files, tmp_path, "oak_leaf.png")
