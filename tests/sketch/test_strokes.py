@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.errors import CaptureError
+from usdfoliage.sketch.choices import SketchChoices
 from usdfoliage.sketch.strokes import Strokes, TreeStrokes, check_strokes, format_strokes, read_strokes, write_strokes
 
 HEAD = {"image": "a.jpg", "width": 100, "height": 80}
@@ -90,3 +91,32 @@ def test_strokes_of_another_picture_are_refused(tmp_path):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(CaptureError, match=r"none\.json"):
         read_strokes(tmp_path / "none.json")
+
+
+def test_settings_beside_strokes_are_kept(tmp_path):
+    chosen = {"depth": 1.5, "gravity": -0.25, "seed": 7}
+    strokes = read_strokes(write(tmp_path, {**HEAD, **TREE, "settings": chosen}))
+    assert strokes.choices == SketchChoices(depth=1.5, gravity=-0.25, seed=7)
+    assert json.loads(format_strokes(strokes))["settings"] == chosen
+    assert "settings" not in json.loads(format_strokes(read_strokes(write(tmp_path, {**HEAD, **TREE}))))
+
+
+@pytest.mark.parametrize(
+    ("chosen", "words"),
+    [
+        ([1], "settings must be a table"),
+        ({"colour": 1}, "settings has no 'colour'"),
+        ({"depth": "deep"}, "depth of settings must be a number"),
+        ({"depth": True}, "depth of settings must be a number"),
+        ({"depth": 1e400}, "depth of settings must be a number"),
+        ({"seed": 1.5}, "seed of settings must be a whole number"),
+    ],
+)
+def test_settings_that_are_none_are_refused(tmp_path, chosen, words):
+    with pytest.raises(CaptureError, match=words):
+        read_strokes(write(tmp_path, {**HEAD, **TREE, "settings": chosen}))
+
+
+def test_what_was_chosen_stands_over_other_choices():
+    merged = SketchChoices(depth=2.0).over(SketchChoices(depth=1.0, seed=3))
+    assert merged == SketchChoices(depth=2.0, seed=3)

@@ -8,7 +8,8 @@ until the tree fills its silhouette, as deep as it is wide.
 
 The strokes are a JSON file: {"image", "width", "height", "crown": [[x, y], ...], "branches": [[[x, y], ...], ...]} in
 pixels of the photograph; the first branch begins at the root. Several trees are a list "trees" of such crowns and
-branches, and become the assets OUT/tree_01, OUT/tree_02, and so on.
+branches, and become the assets OUT/tree_01, OUT/tree_02, and so on. usdfoliage view PHOTO is a window to draw them in.
+Its sliders are kept in the table "settings" of the file; an option that is given comes before them.
 """
 
 import argparse
@@ -26,7 +27,8 @@ from usdfoliage.files.write_gate import Access
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from usdfoliage.branch.foliage.species import GENERIC
-    from usdfoliage.jobs.sketch.model import SketchModelSettings
+    from usdfoliage.jobs.sketch.model import MAX_DENSITY, MIN_DENSITY, SketchModelSettings
+    from usdfoliage.sketch.growth import SketchGrowthSettings
     from usdfoliage.sketch.reconstruct import SketchSettings
 
     files = parser.add_argument_group("input and output")
@@ -78,8 +80,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--depth",
         metavar="FACTOR",
         type=float,
-        default=SketchSettings.depth,
-        help="The crown is deeper than it is wide by this factor, from 0.1 to 5; the default is %(default)g.",
+        help="The crown is deeper than it is wide by this factor, from 0.1 to 5; the default is "
+        f"{SketchSettings.depth:g}.",
+    )
+    tree.add_argument(
+        "--gravity",
+        metavar="FACTOR",
+        type=float,
+        help="Branches that the photograph does not show hang at 1 and rise at -1; the default is "
+        f"{SketchGrowthSettings.gravity:g}.",
     )
     tree.add_argument(
         "--species",
@@ -99,6 +108,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="on gives the tree leaves, off none, auto where the photograph shows them. The default is %(default)s.",
     )
     leaves.add_argument(
+        "--density",
+        metavar="FACTOR",
+        type=float,
+        help="The tree has so many times the leaves of its species, from "
+        f"{MIN_DENSITY:g} to {MAX_DENSITY:g}; the default is {SketchModelSettings.density:g}.",
+    )
+    leaves.add_argument(
         "--leaf-length",
         metavar="METRES",
         type=float,
@@ -115,7 +131,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     leaves.add_argument("--no-crown", action="store_true", help="The asset has no crown for the distance.")
     add_motion(parser.add_argument_group("motion"))
     run_options = parser.add_argument_group("this run")
-    add_run(run_options, SketchSettings.seed, 31)
+    add_run(run_options, SketchSettings.seed, 31, is_setting=True)
     accept_negative_numbers(parser)
 
 

@@ -6,7 +6,7 @@ picture, and joints of the tree turned about its trunk. Distances are updated fo
 comes to gets shoots of its own at the end, from the nearest branch: our own.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,10 @@ from usdfoliage.sketch.drawing import arc_lengths
 from usdfoliage.sketch.subtrees import Subtree, place_subtree
 
 Floats = NDArray[np.float64]
+Watch = Callable[[Sequence[Axis]], None]  # called with a tree that grows, after each step
+
+_HANGING = 1.5  # by which full gravity turns the end of a new branch, as a tangent of what was level
+_ARCHED = 0.4  # of a shoot's length, by which full gravity lifts its middle over its end
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,11 +42,14 @@ class SketchGrowthSettings:
     space_shoots: float = 0.08  # and in space
     max_shoots: int = 2000
     from_trunk: int = 3  # traced branches, from which on none grows from a trunk
+    gravity: float = 0.0  # 1: new branches hang, -1: they rise
 
     def __post_init__(self) -> None:
         for name in ("iterations", "rotations", "candidates", "attractors_3d"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be 1 or more, not {getattr(self, name)}")
+        if not -1 <= self.gravity <= 1:
+            raise ValueError(f"gravity must be -1 to 1, not {self.gravity:g}")
         for name in ("image_spacing", "image_shoots", "space_shoots", "shortest"):
             if not 0 < getattr(self, name) < 1:
                 raise ValueError(f"{name} must be between 0 and 1, not {getattr(self, name)}")
@@ -65,6 +72,7 @@ def grow_axes(
     rng: np.random.Generator,
     settings: SketchGrowthSettings = SketchGrowthSettings(),
     report: Progress | None = None,
+    watch: Watch | None = None,
 ) -> GrownAxes:
     """Grow a tree into its crown.
 
@@ -75,6 +83,7 @@ def grow_axes(
         rng: For what is drawn.
         settings: How.
         report: Called with the number of replacements that are done, and how many there are.
+        watch: Called with the axes so far; new ones stand behind those before.
     """
     size = crown_size(bounds)
     growth = _Growth(list(axes), library, bounds, rng, settings, size)
@@ -93,6 +102,8 @@ def grow_axes(
         stages.append(len(growth.axes))
         if report is not None:
             report(turn + 1, settings.iterations)
+        if watch is not None:
+            watch(growth.axes)
     growth.add_shoots(thin_out(_leaf_places(bounds), settings.image_shoots * size, rng), settings.image_shoots * size)
     growth.add_shoots(_places_in_space(bounds, settings.space_shoots * size, rng), settings.space_shoots * size)
     return GrownAxes(axes=growth.axes, traced=len(axes), stages=tuple(stages), cost_px=tuple(costs))
@@ -196,7 +207,8 @@ class _Growth:
         Neither changes while the tree grows.
         """
         if (number, which) not in self.placed:
-            children = place_subtree(self.library[which], self._support(number), self.settings.rotations)
+            placed = place_subtree(self.library[which], self._support(number), self.settings.rotations)
+            children = _weighed_down(placed, self.settings.gravity)
             good = np.logical_and.accumulate(self.bounds.contains(children[:, :, 1:]), axis=2)
             self.placed[number, which] = children, good
         return self.placed[number, which]
@@ -272,7 +284,7 @@ class _Growth:
             chosen = order[gap[order] <= reach][: settings.max_shoots - added]
             for target in chosen:
                 owner, vertex = int(owners[nearest[target]]), int(vertices[nearest[target]])
-                self.add(_bent(self.axes[owner], vertex, left[target]), owner, vertex)
+                self.add(_bent(self.axes[owner], vertex, left[target], settings.gravity), owner, vertex)
                 added += 1
             left = np.delete(left, chosen, axis=0)
 
@@ -341,8 +353,23 @@ def _places_in_space(bounds: CrownBounds, spacing: float, rng: np.random.Generat
     return thin_out(places, spacing, rng)
 
 
-def _bent(parent: Axis, vertex: int, end: Floats) -> Floats:
-    """(4, 3) a shoot from a vertex of its parent to an end, that begins along its parent's direction."""
+def _weighed_down(lines: Floats, gravity: float) -> Floats:
+    """Lines (..., K, 3) whose steps keep their lengths and turn down the more, the farther out they are."""
+    if gravity == 0:
+        return lines
+    steps = np.diff(lines, axis=-2)
+    size = np.linalg.norm(steps, axis=-1, keepdims=True)
+    out = np.linspace(0, 1, steps.shape[-2] + 1)[1:, None]
+    turned = steps + _HANGING * gravity * size * out * [0.0, -1.0, 0.0]
+    turned *= size / np.maximum(np.linalg.norm(turned, axis=-1, keepdims=True), 1e-9)
+    return np.concatenate([lines[..., :1, :], lines[..., :1, :] + np.cumsum(turned, axis=-2)], axis=-2)
+
+
+def _bent(parent: Axis, vertex: int, end: Floats, gravity: float) -> Floats:
+    """(4, 3) a shoot from a vertex of its parent to an end, that begins along its parent's direction.
+
+    With gravity it rises at first, to come down to its end.
+    """
     start = parent.points[vertex]
     along = parent.points[vertex] - parent.points[vertex - 1]
     straight = end - start
@@ -350,5 +377,7 @@ def _bent(parent: Axis, vertex: int, end: Floats) -> Floats:
     control = start + 0.35 * size * (
         0.6 * along / max(float(np.linalg.norm(along)), 1e-9) + 0.6 * straight / max(size, 1e-9)
     )
+    if gravity:
+        control[1] += _ARCHED * size * gravity
     t = np.linspace(0, 1, 4)[:, None]
     return np.asarray((1 - t) ** 2 * start + 2 * t * (1 - t) * control + t**2 * end)

@@ -12,7 +12,7 @@ from usdfoliage.progress import Progress
 from usdfoliage.sketch.axes import skeleton_of
 from usdfoliage.sketch.bounds import CrownBounds, bound_crown
 from usdfoliage.sketch.foliage import Foliage, FoliageCutSettings, find_foliage
-from usdfoliage.sketch.growth import GrownAxes, SketchGrowthSettings, grow_axes
+from usdfoliage.sketch.growth import GrownAxes, SketchGrowthSettings, Watch, grow_axes
 from usdfoliage.sketch.into_space import TurningSettings, turn_into_space
 from usdfoliage.sketch.strokes import TreeStrokes
 from usdfoliage.sketch.subtrees import build_library
@@ -69,6 +69,7 @@ def sketch_tree(
     species: Species,
     settings: SketchSettings = SketchSettings(),
     report: Progress | None = None,
+    watch: Watch | None = None,
 ) -> SketchedTree:
     """Make a tree of a photograph.
 
@@ -78,6 +79,7 @@ def sketch_tree(
         species: How it branches.
         settings: How.
         report: Called while the tree grows, as grow_axes does.
+        watch: Likewise.
 
     Raises:
         FitError: The strokes hold no leaves.
@@ -93,7 +95,7 @@ def sketch_tree(
         strokes = TreeStrokes(crown_px=strokes.crown_px, branches_px=(_stem_below(bounds),))
     traced = trace_tree(branch_odds(srgb, strokes, foliage, seeds[1], settings.trace), strokes, settings.trace)
     axes = turn_into_space(traced, bounds, settings.turning)
-    grown = grow_axes(axes, build_library(axes, species), bounds, rng, settings.growth, report)
+    grown = grow_axes(axes, build_library(axes, species), bounds, rng, settings.growth, report, watch)
     root = grown.axes[0].points[0]
     lowest = min(root[1], min(float(axis.points[0, 1]) for axis in grown.axes if axis.parent < 0))
     top = max(float(np.max(-np.nonzero(bounds.inside.any(axis=1))[0])), lowest + 1.0)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.atomic import whole_file
 from usdfoliage.files.json import read_json
+from usdfoliage.sketch.choices import SketchChoices, parse_choices
 from usdfoliage.sketch.foliage import fill_outline
 
 SUFFIX = ".strokes.json"  # after the photograph's name
@@ -41,6 +42,7 @@ class Strokes:
     width_px: int
     height_px: int
     trees: tuple[TreeStrokes, ...]
+    choices: SketchChoices = SketchChoices()
 
 
 def strokes_beside(photo: Path) -> Path:
@@ -64,7 +66,7 @@ def read_strokes(path: Path) -> Strokes:
 
     Args:
         path: JSON: image, width, height, and trees, a list of tables with crown and branches; a file with crown and
-            branches at the top is one tree.
+            branches at the top is one tree. A table of settings may stand beside them (SketchChoices).
 
     Raises:
         CaptureError: The file cannot be read, or holds no strokes.
@@ -87,11 +89,16 @@ def read_strokes(path: Path) -> Strokes:
         raise CaptureError(f"{path} has {len(listed):,} trees, at most {MAX_TREES} are allowed")
     width, height = (_whole(found, name, path) for name in ("width", "height"))
     image = found.get("image")
+    try:
+        choices = parse_choices(found.get("settings", {}))
+    except ValueError as error:
+        raise CaptureError(f"{path}: {error}", "correct it, or leave settings out") from error
     return Strokes(
         image=image if isinstance(image, str) else "",
         width_px=width,
         height_px=height,
         trees=tuple(_tree(each, number, path) for number, each in enumerate(listed, 1)),
+        choices=choices,
     )
 
 
@@ -116,7 +123,8 @@ def format_strokes(strokes: Strokes) -> str:
         for tree in strokes.trees
     ]
     head = {"image": strokes.image, "width": strokes.width_px, "height": strokes.height_px}
-    return json.dumps({**head, **(trees[0] if len(trees) == 1 else {"trees": trees})}) + "\n"
+    chosen = {"settings": strokes.choices.table} if strokes.choices.table else {}
+    return json.dumps({**head, **(trees[0] if len(trees) == 1 else {"trees": trees}), **chosen}) + "\n"
 
 
 def check_strokes(strokes: Strokes, width_px: int, height_px: int, name: str) -> None:

@@ -105,9 +105,9 @@ def add_replacing(parser: argparse._ActionsContainer) -> None:
     )
 
 
-def add_run(parser: argparse._ActionsContainer, seed: int, powers: int = 63) -> None:
+def add_run(parser: argparse._ActionsContainer, seed: int, powers: int = 63, *, is_setting: bool = False) -> None:
     """What every command has that makes an asset with a report; the parameters are those of add_seed."""
-    add_seed(parser, seed, powers)
+    add_seed(parser, seed, powers, is_setting=is_setting)
     add_no_preview(parser)
     add_reproducible(parser)
     add_writing(parser)

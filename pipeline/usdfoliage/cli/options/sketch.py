@@ -8,9 +8,9 @@ from usdfoliage.branch.foliage.species import GENERIC, load_species
 from usdfoliage.cli.options.motion import read_motion
 from usdfoliage.cli.remarks import render_for
 from usdfoliage.errors import FoliageError
-from usdfoliage.jobs.sketch.model import HAS_LEAVES, MAX_LEAF_LENGTH_M, MAX_LEAVES, SketchModelSettings
+from usdfoliage.jobs.sketch.model import HAS_LEAVES, MAX_LEAVES, SketchModelSettings
 from usdfoliage.jobs.sketch.run import SketchRequest
-from usdfoliage.sketch.reconstruct import SketchSettings
+from usdfoliage.sketch.choices import SketchChoices
 from usdfoliage.sketch.strokes import find_strokes
 
 
@@ -20,20 +20,17 @@ def read_sketch_request(options: argparse.Namespace) -> SketchRequest:
         raise FoliageError("--species-file holds species", "name with --species which one is meant")
     if not 1 <= options.max_leaves <= MAX_LEAVES:
         raise FoliageError(f"--most-leaves must be 1 to {MAX_LEAVES:,}, not {options.max_leaves}")
-    length_m = options.leaf_length
-    if length_m is not None and not (math.isfinite(length_m) and 0 < length_m <= MAX_LEAF_LENGTH_M):
-        raise FoliageError(f"--leaf-length must be above 0 and at most {MAX_LEAF_LENGTH_M:g} metres, not {length_m:g}")
     tape = options.tape
     if tape is not None and not (all(map(math.isfinite, tape)) and tape[4] > 0 and tape[:2] != tape[2:4]):
         raise FoliageError("--tape must be two places of the photograph, and the metres between them, above 0")
-    try:
-        tree = SketchSettings(
-            height_m=SketchSettings.height_m if options.height is None else options.height,
-            depth=options.depth,
-            seed=options.seed,
-        )
-    except ValueError as error:
-        raise FoliageError(str(error)) from error
+    choices = SketchChoices(
+        height_m=options.height,
+        depth=options.depth,
+        density=options.density,
+        gravity=options.gravity,
+        leaf_length_m=options.leaf_length,
+        seed=options.seed,
+    )
     strokes = options.strokes or find_strokes(options.photo)
     return SketchRequest(
         photo=options.photo,
@@ -45,14 +42,13 @@ def read_sketch_request(options: argparse.Namespace) -> SketchRequest:
         color_space=options.color_space,
         species=options.species,
         settings=SketchModelSettings(
-            tree=tree,
             species=load_species(options.species or GENERIC, options.species_file),
-            leaf_length_m=length_m,
             max_leaves=options.max_leaves,
             has_leaves=HAS_LEAVES[options.leaves],
             has_crown=not options.no_crown,
             motion=read_motion(options),
         ),
+        choices=choices,
         force=options.force,
         keep_old=options.keep_old,
         preview=not options.no_preview,

@@ -16,6 +16,7 @@ from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
 from usdfoliage.jobs.sketch.model import MAX_LEAF_LENGTH_M, SketchModelSettings
 from usdfoliage.jobs.sketch.model import MAX_LEAVES as MAX_SKETCH_LEAVES
 from usdfoliage.jobs.work.settings_file import set_everywhere
+from usdfoliage.sketch.growth import SketchGrowthSettings
 from usdfoliage.sketch.reconstruct import SketchSettings
 from usdfoliage.sketch.strokes import MAX_TREES
 
@@ -200,6 +201,10 @@ class SketchStageSettings:
     # The tree has this height from its root to its top. Unit: metres. Range: above 0.
     height_m: float = SketchSettings.height_m
     depth: float = SketchSettings.depth  # The crown is deeper than it is wide by this factor. Range: 0.1 to 5.
+    # Branches that the photograph does not show hang at 1 and rise at -1. Range: -1 to 1.
+    gravity: float = SketchGrowthSettings.gravity
+    # The tree has so many times the leaves that its species has and the photograph shows. Range: 0.05 to 4.
+    density: float = SketchModelSettings.density
     # on gives the tree leaves; off gives it none; auto gives it leaves where the photograph shows them.
     leaves: MakeSketchLeaves = "auto"
     # The leaves have this mean length; auto takes that of the species. Unit: metres. Range: above 0, to 10.
@@ -218,7 +223,10 @@ class SketchStageSettings:
             raise ValueError(
                 f"leaf_length_m must be above 0 and at most {MAX_LEAF_LENGTH_M:g}, not {self.leaf_length_m:g}"
             )
-        SketchSettings(height_m=self.height_m, depth=self.depth)
+        SketchSettings(
+            height_m=self.height_m, depth=self.depth, growth=SketchGrowthSettings(gravity=self.gravity)
+        )
+        SketchModelSettings(density=self.density)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,6 +30,7 @@ OF_ROOT = 0.25  # of the root's radius, below which twigs of a young tree carry 
 _LAYERS = 4.0  # of leaves, that cover a crown from its front to its back
 _STEP_PX = 2.0  # between places of a twig that a leaf may stand on
 _LIGHT = np.array([0.0, 0.6, 0.8])  # where blades over gaps turn to: up, and to the viewer who sees them
+_SHORTEST_INTERNODE_M = 1e-4  # that a species may have
 _SCATTER = 0.3  # standard deviation, of that direction
 _OUTLINE_V = (0.0, 0.15, 0.35, 0.55, 0.75, 0.9, 1.0)
 
@@ -40,6 +41,7 @@ class SketchLeaves:
 
     species: Species = field(default_factory=lambda: load_species(GENERIC))
     length_m: float | None = None  # None: by the texture of the photograph
+    density: float = 1.0  # times as many as the species has and the photograph shows
     max_leaves: int = 20_000
     representations: tuple[str, ...] | None = None  # None: by their number
     seed: int = 0
@@ -63,6 +65,8 @@ def grow_sketch_leaves(
     """
     length_m = request.length_m or _length_by_texture(tree, srgb, request)
     species = scale_species(request.species, length_m)
+    if request.density > 1:
+        species = replace(species, internode_m=max(species.internode_m / request.density, _SHORTEST_INTERNODE_M))
     asked = FoliageRequest(kind=TEMPLATE, species=species, representations=request.representations)
     asked = replace(asked, settings=replace(asked.settings, max_leaves=request.max_leaves, of_root=OF_ROOT))
     grown = grow_leaves(skeleton, asked, None, request.seed)
@@ -73,6 +77,9 @@ def grow_sketch_leaves(
     if len(filled):
         leaves = join_leaves([leaves, _choose_leaves(filled, tree, linear, rng)])
         leaves = replace(leaves, phase=spread_phases(len(leaves)))
+    if request.density < 1:  # of nodes that are farther apart every short shoot would keep one
+        drawn = np.random.default_rng([request.seed, 2]).random(len(leaves))
+        leaves = leaves.take(np.flatnonzero(drawn < request.density))
     return grown, replace(grown.foliage, leaves=leaves)
 
 

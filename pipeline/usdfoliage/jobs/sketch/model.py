@@ -1,5 +1,6 @@
 """From a photograph in memory to all that a tree's asset is written from."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -22,6 +23,8 @@ from usdfoliage.jobs.crown.photograph import CrownSettings, reconstruct_crown
 from usdfoliage.jobs.sketch.leaves import SketchLeaves, grow_sketch_leaves
 from usdfoliage.progress import StepProgress, follow_step
 from usdfoliage.remarks import Remark, remark
+from usdfoliage.sketch.choices import SketchChoices
+from usdfoliage.sketch.growth import Watch
 from usdfoliage.sketch.reconstruct import SketchedTree, SketchSettings, sketch_tree
 from usdfoliage.sketch.strokes import TreeStrokes
 
@@ -32,6 +35,7 @@ CROWN_SIZE = 128  # texels a side of its cubemaps
 MAX_LEAVES = 1_000_000
 HAS_LEAVES: Mapping[str, bool | None] = MappingProxyType({"auto": None, "on": True, "off": False})  # as users name it
 MAX_LEAF_LENGTH_M = 10.0
+MIN_DENSITY, MAX_DENSITY = 0.05, 4.0
 _FEW_BARK = 3  # pixels of a stem, of which its colour is known
 
 
@@ -42,12 +46,21 @@ class SketchModelSettings:
     tree: SketchSettings = field(default_factory=SketchSettings)
     species: Species = field(default_factory=lambda: load_species(GENERIC))
     leaf_length_m: float | None = None  # None: by the texture of the photograph
+    density: float = 1.0  # times as many leaves as the species has
     max_leaves: int = 20_000
     has_leaves: bool | None = None  # None: where the photograph shows any
     has_crown: bool = True
     representations: tuple[str, ...] | None = None  # of the leaves; None: by their number
     max_faces: int = 200_000  # of the surface of branches
     motion: BranchMotion = field(default_factory=BranchMotion)
+
+    def __post_init__(self) -> None:
+        length_m = self.leaf_length_m
+        if length_m is not None and not (math.isfinite(length_m) and 0 < length_m <= MAX_LEAF_LENGTH_M):
+            limit = f"{MAX_LEAF_LENGTH_M:g}"
+            raise ValueError(f"the leaf length must be above 0 and at most {limit} metres, not {length_m:g}")
+        if not MIN_DENSITY <= self.density <= MAX_DENSITY:
+            raise ValueError(f"density must be {MIN_DENSITY:g} to {MAX_DENSITY:g}, not {self.density:g}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,9 +78,60 @@ class SketchModel:
     remarks: tuple[Remark, ...]
 
 
+def apply_choices(settings: SketchModelSettings, choices: SketchChoices) -> SketchModelSettings:
+    """The settings with what was chosen for a drawing.
+
+    Raises:
+        ValueError: A value is out of its range.
+    """
+    tree, growth = settings.tree, settings.tree.growth
+    if choices.gravity is not None:
+        growth = replace(growth, gravity=float(choices.gravity))
+    return replace(
+        settings,
+        tree=replace(
+            tree,
+            height_m=tree.height_m if choices.height_m is None else float(choices.height_m),
+            depth=tree.depth if choices.depth is None else float(choices.depth),
+            seed=tree.seed if choices.seed is None else choices.seed,
+            growth=growth,
+        ),
+        density=settings.density if choices.density is None else float(choices.density),
+        leaf_length_m=settings.leaf_length_m if choices.leaf_length_m is None else float(choices.leaf_length_m),
+    )
+
+
+def choices_of(settings: SketchModelSettings) -> SketchChoices:
+    """What apply_choices would take to come to these settings."""
+    return SketchChoices(
+        height_m=settings.tree.height_m,
+        depth=settings.tree.depth,
+        density=settings.density,
+        gravity=settings.tree.growth.gravity,
+        leaf_length_m=settings.leaf_length_m,
+        seed=settings.tree.seed,
+    )
+
+
 def to_display(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
     """(H, W, 3) a linear photograph as sRGB, 0 to 255."""
     return np.asarray(np.rint(255 * encode_srgb(np.clip(linear, 0, 1))), np.uint8)
+
+
+def work_picture(linear: NDArray[np.float32]) -> tuple[NDArray[np.float32], float]:
+    """The picture (h, w, 3) that a tree is made of, and its size in those of the photograph (H, W, 3)."""
+    shrunk = min(1.0, WORK_PX / max(linear.shape[:2]))
+    if shrunk < 1:
+        width, height = (max(1, round(side * shrunk)) for side in linear.shape[1::-1])
+        linear = cv2.resize(linear, (width, height), interpolation=cv2.INTER_AREA)
+    return linear, shrunk
+
+
+def scale_strokes(strokes: TreeStrokes, factor: float) -> TreeStrokes:
+    """Strokes in the pixels of a picture of another size."""
+    return TreeStrokes(
+        crown_px=strokes.crown_px * factor, branches_px=tuple(line * factor for line in strokes.branches_px)
+    )
 
 
 def model_tree(
@@ -76,6 +140,7 @@ def model_tree(
     settings: SketchModelSettings,
     seconds: dict[str, float],
     progress: StepProgress | None = None,
+    watch: Watch | None = None,
 ) -> SketchModel:
     """Make a tree of a photograph.
 
@@ -85,23 +150,20 @@ def model_tree(
         settings: How.
         seconds: What each step took is added.
         progress: Called at each step.
+        watch: Called with the axes while the tree grows, as grow_axes does.
 
     Raises:
         FoliageError: The strokes hold no tree.
     """
-    shrunk = min(1.0, WORK_PX / max(linear.shape[:2]))
+    linear, shrunk = work_picture(linear)
     if shrunk < 1:
-        width, height = (max(1, round(side * shrunk)) for side in linear.shape[1::-1])
-        linear = cv2.resize(linear, (width, height), interpolation=cv2.INTER_AREA)
-        strokes = TreeStrokes(
-            crown_px=strokes.crown_px * shrunk, branches_px=tuple(line * shrunk for line in strokes.branches_px)
-        )
+        strokes = scale_strokes(strokes, shrunk)
         if settings.tree.metres_per_px is not None:
             scaled = replace(settings.tree, metres_per_px=settings.tree.metres_per_px / shrunk)
             settings = replace(settings, tree=scaled)
     srgb = to_display(linear)
     with follow_step("tree", seconds, progress) as advance:
-        tree = sketch_tree(srgb, strokes, settings.species, settings.tree, report=advance)
+        tree = sketch_tree(srgb, strokes, settings.species, settings.tree, report=advance, watch=watch)
     with follow_step("surface", seconds, progress):
         made = build_surfaces(tree.skeleton, settings.max_faces)
     remarks = list(made.remarks)
@@ -126,6 +188,7 @@ def model_tree(
             request = SketchLeaves(
                 species=settings.species,
                 length_m=settings.leaf_length_m,
+                density=settings.density,
                 max_leaves=settings.max_leaves,
                 representations=settings.representations,
                 seed=settings.tree.seed,

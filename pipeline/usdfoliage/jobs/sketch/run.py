@@ -16,11 +16,18 @@ from usdfoliage.branch.foliage.species import describe_species
 from usdfoliage.capture.folder.images import Photo, read_photo
 from usdfoliage.capture.folder.masks import clean_mask, read_mask
 from usdfoliage.capture.mask_proposal.propose import propose_mask
-from usdfoliage.errors import CaptureError
+from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.files.hashing import hash_file
 from usdfoliage.jobs.report.published import PublishedAsset
 from usdfoliage.jobs.report.table import Row
-from usdfoliage.jobs.sketch.model import SketchModel, SketchModelSettings, model_tree, to_display
+from usdfoliage.jobs.sketch.model import (
+    SketchModel,
+    SketchModelSettings,
+    apply_choices,
+    choices_of,
+    model_tree,
+    to_display,
+)
 from usdfoliage.jobs.sketch.report import DrawnTree, SketchReport, draw_tree, write_sketch_report
 from usdfoliage.progress import StepProgress, follow_step
 from usdfoliage.remarks import (
@@ -31,6 +38,7 @@ from usdfoliage.remarks import (
     merge_remarks,
     remark,
 )
+from usdfoliage.sketch.choices import SketchChoices
 from usdfoliage.sketch.foliage import find_sky
 from usdfoliage.sketch.proposal import complete_proposal, propose_strokes
 from usdfoliage.sketch.strokes import (
@@ -63,6 +71,7 @@ class SketchRequest:
     color_space: str | None = None
     species: str = ""
     settings: SketchModelSettings = field(default_factory=SketchModelSettings)
+    choices: SketchChoices = SketchChoices()  # in place of those settings, and of what the strokes' file has
     force: bool = False
     keep_old: bool = False
     preview: bool = True
@@ -77,10 +86,11 @@ class SketchRequest:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SketchInput:
-    """A photograph, and the strokes over it."""
+    """A photograph, the strokes over it, and the settings with what was chosen for them."""
 
     photo: Photo
     strokes: Strokes
+    settings: SketchModelSettings
     remarks: tuple[Remark, ...]
 
 
@@ -109,16 +119,16 @@ def read_sketch_input(request: SketchRequest) -> SketchInput:
     Raises:
         FoliageError: A file cannot be used, they do not fit each other, or no tree is found.
     """
+    strokes = None if request.strokes is None else read_strokes(request.strokes)
+    settings = _settings_of(request, SketchChoices() if strokes is None else strokes.choices)
     photo = read_photo(request.photo, request.color_space)
     srgb = to_display(photo.linear)
     _require_picture(srgb, request.photo)
     remarks = list(photo.remarks)
-    strokes = None
-    if request.strokes is not None:
-        strokes = read_strokes(request.strokes)
+    if strokes is not None:
         name = str(request.strokes)
         check_strokes(strokes, photo.width_px, photo.height_px, name)
-        check_roots(strokes, find_sky(srgb, request.settings.tree.seed), name)
+        check_roots(strokes, find_sky(srgb, settings.tree.seed), name)
     if request.mask is not None:
         given = read_mask(request.mask, photo.linear.shape, photo.orientation)
         cleaned = clean_mask(given)
@@ -128,16 +138,31 @@ def read_sketch_input(request: SketchRequest) -> SketchInput:
         tree = replace(proposed, branches_px=drawn or proposed.branches_px)
         strokes = _strokes_of(photo, tree)
     if strokes is None:
-        proposal = propose_mask(photo.linear, seed=request.settings.tree.seed)
+        proposal = propose_mask(photo.linear, seed=settings.tree.seed)
         text = f"the strokes are proposals (confidence {proposal.confidence:.2f}); {proposal.remark}"
         beside = strokes_beside(request.photo).name
         remedy = f"correct {STROKES} in the asset's folder, and put it beside the photograph as {beside}"
         remarks.append(remark("strokes-proposed", text, remedy=remedy))
         mask = proposal.mask
         if proposal.confidence < _CLEAR:
-            mask = complete_proposal(mask, srgb, request.settings.tree.seed)
+            mask = complete_proposal(mask, srgb, settings.tree.seed)
         strokes = _strokes_of(photo, propose_strokes(mask, srgb))
-    return SketchInput(photo=photo, strokes=strokes, remarks=tuple(remarks))
+    kept = choices_of(settings)
+    if request.tape_m is not None:
+        kept = replace(kept, height_m=None)
+    return SketchInput(photo=photo, strokes=replace(strokes, choices=kept), settings=settings, remarks=tuple(remarks))
+
+
+def _settings_of(request: SketchRequest, of_strokes: SketchChoices) -> SketchModelSettings:
+    """The settings of a request, under those of the strokes' file, under what was chosen for this run."""
+    try:
+        return apply_choices(request.settings, request.choices.over(of_strokes))
+    except ValueError as error:
+        try:
+            apply_choices(request.settings, of_strokes)
+        except ValueError:
+            raise CaptureError(f"{request.strokes}: settings: {error}", "correct the value") from error
+        raise FoliageError(str(error)) from error
 
 
 def _require_picture(srgb: NDArray[np.uint8], photo: Path) -> None:
@@ -183,7 +208,7 @@ def _make_tree(request: SketchRequest, given: SketchInput, progress: StepProgres
         request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
     ) as folder:
         folders = TreeFolders(asset=folder, report=folder / "report")
-        tree = write_tree(folders, request, given, _provenance(request), progress=progress)
+        tree = write_tree(folders, request, given, _provenance(request, given.settings), progress=progress)
     report = request.output / "report"
     return PublishedAsset(
         asset=request.output / tree.interface.name,
@@ -219,7 +244,7 @@ def write_tree(
         FoliageError: The strokes hold no tree, or a file cannot be written.
     """
     seconds: dict[str, float] = {}
-    settings = request.settings
+    settings = given.settings
     if request.tape_m is not None:
         x1, y1, x2, y2, metres = request.tape_m
         scaled = replace(settings.tree, metres_per_px=metres / float(np.hypot(x2 - x1, y2 - y1)))
@@ -247,7 +272,7 @@ def write_tree(
         photo=request.photo.name,
         generator=f"usdfoliage {__version__}",
         rows=rows,
-        settings=describe_settings(request),
+        settings=describe_settings(request, given.settings),
         remarks=tuple(remarks),
         render_setting=request.render_setting,
         seconds=seconds if request.times else {},
@@ -266,12 +291,13 @@ def plan_sketch_asset(request: SketchRequest) -> str:
         request.output, f"{request.name}.usda", request.force, origin=request.origin, keep_old=request.keep_old
     )
     given = read_sketch_input(request)
+    described = describe_settings(request, given.settings)
     return "\n".join(
         [
             f"photo: {request.photo}, {given.photo.width_px} x {given.photo.height_px} px",
             f"strokes: {request.strokes or 'proposed'}, trees {len(given.strokes.trees)}",
             *label_remarks(given.remarks, request.render_setting),
-            f"settings: {', '.join(f'{name} {value}' for name, value in describe_settings(request).items())}",
+            f"settings: {', '.join(f'{name} {value}' for name, value in described.items())}",
             f"steps: {', '.join(STEPS if request.preview else STEPS[:-1])}",
             would,
         ]
@@ -300,9 +326,8 @@ def sketch_rows(model: SketchModel) -> tuple[Row, ...]:
     return tuple(rows)
 
 
-def describe_settings(request: SketchRequest) -> dict[str, str]:
+def describe_settings(request: SketchRequest, settings: SketchModelSettings) -> dict[str, str]:
     """Every setting that decides the result, by the name of its option."""
-    settings = request.settings
     return {
         "strokes": request.strokes.name if request.strokes else "proposed",
         **(
@@ -312,9 +337,11 @@ def describe_settings(request: SketchRequest) -> dict[str, str]:
         ),
         "mask": request.mask.name if request.mask else "none",
         "depth": f"{settings.tree.depth:g}",
+        "gravity": f"{settings.tree.growth.gravity:g}",
         "species": settings.species.name,
         "species-parameters": describe_species(settings.species),
         "leaf-length": "auto" if settings.leaf_length_m is None else f"{settings.leaf_length_m:g}",
+        "density": f"{settings.density:g}",
         "most-leaves": str(settings.max_leaves),
         **settings.motion.describe(),
         "seed": str(settings.tree.seed),
@@ -322,12 +349,12 @@ def describe_settings(request: SketchRequest) -> dict[str, str]:
     }
 
 
-def _provenance(request: SketchRequest) -> Provenance:
+def _provenance(request: SketchRequest, settings: SketchModelSettings) -> Provenance:
     return Provenance(
         species=request.species,
         capture=request.photo.name,
         generator=f"usdfoliage {__version__}",
-        seed=request.settings.tree.seed,
-        settings=describe_settings(request),
+        seed=settings.tree.seed,
+        settings=describe_settings(request, settings),
         input_sha256=hash_file(request.photo).hex(),
     )

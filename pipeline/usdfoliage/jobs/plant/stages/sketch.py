@@ -15,6 +15,7 @@ from usdfoliage.jobs.plant.stages.assemble import ASSET_FOLDER, provenance_of
 from usdfoliage.jobs.plant.stages.asset_pictures import AssetDrawing
 from usdfoliage.jobs.plant.stages.models import REPORT_FOLDER
 from usdfoliage.jobs.plant.stages.parts import known_species, remark_unknown_species
+from usdfoliage.jobs.plant.settings import SketchStageSettings
 from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.sketch.model import HAS_LEAVES, SketchModelSettings
@@ -22,7 +23,7 @@ from usdfoliage.jobs.sketch.report import PICTURES
 from usdfoliage.jobs.sketch.run import SketchRequest, TreeFolders, read_sketch_input, write_tree
 from usdfoliage.leaf.model import count_origins
 from usdfoliage.remarks import Remark, Setting
-from usdfoliage.sketch.reconstruct import SketchSettings
+from usdfoliage.sketch.choices import SketchChoices
 
 _OWN = {"foliage.max_leaves": "sketch.max_leaves", "foliage.leaf_length_m": "sketch.leaf_length_m"}
 
@@ -84,6 +85,13 @@ def _request(call: StageCall) -> SketchRequest:
     if plant.sway_frames:
         sway = SwaySettings(frames=plant.sway_frames)
         motion = replace(motion, rig=RigSettings(), sway=sway, sway_clips=plant.sway_clips)
+    # What is as by default leaves the choice to the strokes.
+    default = SketchStageSettings()
+    given = {
+        name: value
+        for name in ("height_m", "depth", "density", "gravity", "leaf_length_m")
+        if (value := getattr(settings, name)) != getattr(default, name)
+    }
     return SketchRequest(
         photo=photo,
         output=call.out,
@@ -91,15 +99,14 @@ def _request(call: StageCall) -> SketchRequest:
         strokes=call.inputs.strokes,
         species=plant.species,
         settings=SketchModelSettings(
-            tree=SketchSettings(height_m=settings.height_m, depth=settings.depth, seed=call.settings.seed),
             species=known or load_species(GENERIC),
-            leaf_length_m=settings.leaf_length_m,
             max_leaves=settings.max_leaves,
             has_leaves=HAS_LEAVES[settings.leaves],
             has_crown=settings.crown,
             representations=plant.representations,
             motion=motion,
         ),
+        choices=SketchChoices(**given, seed=call.settings.seed or None),
         preview=call.settings.pictures.make,
         times=False,
     )
