@@ -2,6 +2,7 @@
 
 import sys
 import time
+from dataclasses import replace
 
 from framing import Direction
 from lighting import author_key, author_sky, has_lights
@@ -78,6 +79,14 @@ class StormView(QOpenGLWidget):
         """Draw what moves as it is at a time code."""
         self._time = Usd.TimeCode(time_code)
         self.update()
+
+    def turn(self, azimuth_rad: float) -> None:
+        """Go around the target; a drag of the mouse comes first."""
+        if self._buttons is None:
+            direction = self._orbit.direction
+            turned = Direction(azimuth_rad=direction.azimuth_rad + azimuth_rad, elevation_rad=direction.elevation_rad)
+            self._orbit = replace(self._orbit, direction=turned)
+            self.update()
 
     def draw_coarsely(self, coarse: bool) -> None:
         """Draw coarsely while something is moved."""

@@ -13,24 +13,29 @@ class ScriptError(Exception):
     """An action that is unknown or cannot be done."""
 
 
-def run_script(window: ViewWindow, actions: list[dict]) -> None:
-    """Do one action after the other, each drawn before the next; ScriptError for the first that fails."""
+def run_script(window, actions: list[dict], known: dict | None = None) -> None:
+    """Do one action after the other, each drawn before the next; ScriptError for the first that fails.
+
+    known has the actions of a window by their names: those of a ViewWindow unless another one's are given.
+    """
+    known = ACTIONS if known is None else known
     for number, action in enumerate(actions):
         ((name, value),) = action.items()
-        if name not in ACTIONS:
-            raise ScriptError(f"action {number}: nothing is known of {name!r}; there are {', '.join(ACTIONS)}")
+        if name not in known:
+            raise ScriptError(f"action {number}: nothing is known of {name!r}; there are {', '.join(known)}")
         try:
-            ACTIONS[name](window, value)
+            known[name](window, value)
         except Exception as error:
             raise ScriptError(f"action {number}, {name}: {error}") from error
         settle(window)
 
 
-def settle(window: ViewWindow) -> None:
+def settle(window) -> None:
     """Let Qt handle what waits, and Storm draw."""
     for _ in range(3):
         QtWidgets.QApplication.processEvents()
-    window.view.repaint()
+    if window.view is not None:
+        window.view.repaint()
     QtWidgets.QApplication.processEvents()
 
 
@@ -108,12 +113,14 @@ def _purpose(window: ViewWindow, purposes: dict) -> None:
         window.purpose_actions[name].setChecked(on)
 
 
-def _window(window: ViewWindow, path: str) -> None:
+def save_window(window, path: str) -> None:
+    """Write a picture of the whole window."""
     picture = window.grab()
     # A widget's grab leaves OpenGL out in some versions of Qt.
-    painter = QtGui.QPainter(picture)
-    painter.drawImage(window.view.mapTo(window, QtCore.QPoint(0, 0)), window.view.grabFramebuffer())
-    painter.end()
+    if window.view is not None:
+        painter = QtGui.QPainter(picture)
+        painter.drawImage(window.view.mapTo(window, QtCore.QPoint(0, 0)), window.view.grabFramebuffer())
+        painter.end()
     if not picture.save(path):
         raise ValueError(f"{path} cannot be written")
 
@@ -133,5 +140,5 @@ ACTIONS = {
     "reset": lambda window, _: window.panel.reset_button.click(),
     "save_look": lambda window, path: window.panel.save(str(Path(path).absolute())),
     "picture": lambda window, path: window.save_picture(path),
-    "window": _window,
+    "window": save_window,
 }

@@ -1,9 +1,14 @@
-"""Look at an asset in a window, and edit its leaves with sliders.
+"""Look at an asset in a window and edit its leaves, or draw a tree over a photograph.
 
 ASSET is the folder of an asset, a look, which is shown over its asset, or a USD file with plants. Drag with the left
 button to orbit, with the middle button to pan, with the right button or the wheel to zoom (with Alt too, as in
 usdview). F frames everything, and Ctrl+P saves a picture. Edits act at once and change no file. "Save look…" writes
 them as a layer, as usdfoliage edit does.
+
+With a photograph in place of ASSET the window is one to draw in, for usdfoliage sketch. The left button draws around
+the crown, the right button along branches; each stroke is traced at once. "Grow" (G) makes the tree beside it. The
+strokes are saved beside the photograph, with the values of the sliders, and "Save asset…" makes of them what
+usdfoliage sketch makes.
 
 The program usdview has the same panel once usdfoliage env is set. A window needs a display, and PySide6 in
 the preview's Python.
@@ -26,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="ASSET",
         type=Path,
         nargs="?",
-        help="The input is the folder of an asset, a look, or a USD file.",
+        help="The input is the folder of an asset, a look, or a USD file; or a photograph, to draw a tree over it.",
     )
     files.add_argument(
         "--capture",
@@ -54,14 +59,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--answer", action="store_true", help=argparse.SUPPRESS)
 
 
+def is_photo(path: Path) -> bool:
+    """Whether what is to be shown is a photograph."""
+    from usdfoliage.capture.folder.listing import is_picture
+
+    return is_picture(path.name) and not path.is_dir()
+
+
 def declare(options: argparse.Namespace) -> Access:
-    return reads_alone(options.asset, options.capture, options.script)  # the window asks where to write
+    if options.asset is not None and is_photo(options.asset):
+        return reads_alone(options.asset, options.script)  # the window asks where to write
+    return reads_alone(options.asset, options.capture, options.script)
 
 
 def run(options: argparse.Namespace) -> int:
     from usdfoliage.cli.interrupts import handle_interrupts
+    from usdfoliage.cli.remarks import render_for
     from usdfoliage.errors import PreviewError
     from usdfoliage.jobs.preview.viewer import ViewerSettings, answer_requests, view_asset
+    from usdfoliage.jobs.sketch.window import draw_over_photo
 
     handle_interrupts()
     if options.answer:
@@ -76,5 +92,10 @@ def run(options: argparse.Namespace) -> int:
         )
     except ValueError as error:
         raise PreviewError(str(error)) from error
+    if is_photo(options.asset):
+        if options.capture is not None:
+            raise PreviewError("--capture is shown over an asset, not over a photograph", "leave it out")
+        draw_over_photo(options.asset, settings, render_setting=render_for("sketch"))
+        return 0
     view_asset(options.asset, settings)
     return 0

@@ -86,10 +86,7 @@ def sketch_tree(
     """
     rng = np.random.default_rng(settings.seed)
     seeds = [int(each) for each in rng.integers(2**31 - 2, size=2)]
-    try:
-        foliage = find_foliage(srgb, strokes.crown_px, seeds[0], settings.foliage, strokes.branches_px)
-    except ValueError as error:
-        raise FitError("the crown's stroke holds nothing of the picture", "draw it around the leaves") from error
+    foliage = foliage_of_strokes(srgb, strokes, seeds[0], settings.foliage)
     bounds = bound_crown(foliage.mask, settings.depth, foliage.inside if foliage.is_bare else None)
     if not strokes.branches_px:
         strokes = TreeStrokes(crown_px=strokes.crown_px, branches_px=(_stem_below(bounds),))
@@ -109,6 +106,32 @@ def sketch_tree(
         grown=grown,
         asset_from_photo=_frame(root, scale_m),
     )
+
+
+def trace_strokes(
+    srgb: NDArray[np.uint8], strokes: TreeStrokes, foliage: Foliage, settings: SketchSettings = SketchSettings()
+) -> TracedTree:
+    """The branches that sketch_tree traces, from what foliage_of_strokes found; at least one stroke is of a branch."""
+    return trace_tree(branch_odds(srgb, strokes, foliage, mixture_seeds(settings)[1], settings.trace), strokes)
+
+
+def foliage_of_strokes(
+    srgb: NDArray[np.uint8],
+    strokes: TreeStrokes,
+    seed: int,
+    settings: FoliageCutSettings = FoliageCutSettings(),
+) -> Foliage:
+    """The leaves inside of the crown's stroke; FitError where there is nothing."""
+    try:
+        return find_foliage(srgb, strokes.crown_px, seed, settings, strokes.branches_px)
+    except ValueError as error:
+        raise FitError("the crown's stroke holds nothing of the picture", "draw it around the leaves") from error
+
+
+def mixture_seeds(settings: SketchSettings) -> tuple[int, int]:
+    """Of the mixtures of colours, of leaves and of branches, as sketch_tree draws them first."""
+    first, second = np.random.default_rng(settings.seed).integers(2**31 - 2, size=2)
+    return int(first), int(second)
 
 
 def _stem_below(bounds: CrownBounds) -> Floats:

@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +42,7 @@ class Strokes:
     width_px: int
     height_px: int
     trees: tuple[TreeStrokes, ...]
-    choices: SketchChoices = SketchChoices()
+    choices: SketchChoices = field(default_factory=SketchChoices)
 
 
 def strokes_beside(photo: Path) -> Path:
@@ -80,6 +80,15 @@ def read_strokes(path: Path) -> Strokes:
         raise CaptureError(f"the strokes {path} cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise CaptureError(f"the strokes {path} are no JSON: {error}") from error
+    return parse_strokes(found, path)
+
+
+def parse_strokes(found: Any, path: Path) -> Strokes:
+    """Strokes as JSON has them; path is named where they are none.
+
+    Raises:
+        CaptureError: They are none.
+    """
     if not isinstance(found, dict):
         raise CaptureError(f"{path} holds no strokes: it is no table with image, width, height and trees", _DRAW)
     listed = found.get("trees", [found] if "crown" in found else None)

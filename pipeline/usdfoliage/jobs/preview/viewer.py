@@ -11,10 +11,6 @@ plug-in of usdview asks the same of `usdfoliage view`.
 """
 
 import json
-import logging
-import os
-import subprocess
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
@@ -30,27 +26,16 @@ from usdfoliage.asset.looks.look import open_asset, read_look, write_look_layer
 from usdfoliage.asset.materials.jitter_map import read_jitter_map
 from usdfoliage.asset.packages.contents import representations, require_plant
 from usdfoliage.asset.parts.leaves import read_leaves
-from usdfoliage.asset.resources import resource_folder
 from usdfoliage.errors import FoliageError, PreviewError
-from usdfoliage.files.children import bound_command
-from usdfoliage.files.json import read_json
 from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.jobs.preview.pictures import file_to_draw, write_dome
-from usdfoliage.jobs.preview.recorder import (
-    describe_crash,
-    describe_refusal,
-    find_interpreter,
-    read_result,
-    recorder_environment,
-    sort_complaints,
-)
+from usdfoliage.jobs.preview.recorder import find_interpreter
+from usdfoliage.jobs.preview.window import read_script, require_display, run_window
 from usdfoliage.leaf.model import Leaves, mean_leaf
 from usdfoliage.leaf.shape.bounds import common_bounds, leaf_bounds_m
 from usdfoliage.leaf.shape.curves import leaf_curves
 from usdfoliage.leaf.shape.edits import LeafEdits, apply_edits
 from usdfoliage.leaf.shape.jitter import Jitter
-
-logger = logging.getLogger(__name__)
 
 CAPTURE_LAYER = "capture.usda"
 
@@ -78,7 +63,7 @@ def view_asset(asset: Path, settings: ViewerSettings = ViewerSettings()) -> None
     usd_file = find_interface(asset)
     open_asset(usd_file)  # raises where it cannot be opened
     python = find_interpreter()
-    _require_display()
+    require_display()
     layer, _ = try_layer(usd_file)
     look = read_look(layer) if layer is not None else None
     with temporary_folder("view", PreviewError) as work:
@@ -90,58 +75,11 @@ def view_asset(asset: Path, settings: ViewerSettings = ViewerSettings()) -> None
             "title": usd_file.name,
             "dome_texture": str(work / "dome.exr"),
             "capture": str(_capture_layer(settings.capture)) if settings.capture else "",
-            "script": _read_script(settings.script) if settings.script else None,
+            "script": read_script(settings.script) if settings.script else None,
             "width_px": settings.width_px,
             "height_px": settings.height_px,
         }
-        _run_window(python, request, work)
-
-
-def _run_window(python: Path, request: Mapping[str, Any], work: Path) -> None:
-    viewer = resource_folder("hydra_preview") / "viewer.py"
-    request_file, result_file, complaints_file = work / "request.json", work / "result.json", work / "stderr.txt"
-    request_file.write_text(json.dumps(request), encoding="utf-8")
-    asked, asks = os.pipe()
-    answered, answers = os.pipe()
-    with complaints_file.open("wb") as complaints:
-        try:
-            process = subprocess.Popen(
-                bound_command(
-                    [str(python), str(viewer), str(request_file), str(result_file), str(asks), str(answered)]
-                ),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=complaints,
-                pass_fds=(asks, answered),
-                env=recorder_environment(work),
-            )
-        except OSError as error:
-            raise PreviewError(f"the preview interpreter cannot be started: {error.strerror} ({python})") from error
-        finally:
-            os.close(asks)
-            os.close(answered)
-        try:
-            with os.fdopen(asked, "rb") as requests, os.fdopen(answers, "wb") as replies:
-                answer_requests(requests, replies)
-            process.wait()
-        finally:
-            process.kill()  # does nothing to one that has ended
-            process.wait()
-    text = complaints_file.read_text(encoding="utf-8", errors="replace")
-    logger.info("output of the viewer: %s", text.strip() or "nothing")
-    result = read_result(result_file)
-    if result is None:
-        raise PreviewError(_describe_end(process.returncode, text, python))
-    if "error" in result:
-        kind, message = result["error"]["kind"], result["error"]["message"]
-        raise PreviewError(
-            f"the preview interpreter has no Qt: {message}; pip install PySide6-Essentials into it ({python})"
-            if kind == "qt"
-            else describe_refusal(kind, message, str(request["file"]))
-        )
-    faults, _ = sort_complaints(text)
-    if faults:
-        raise PreviewError(f"Storm could not draw all of it: {'; '.join(faults)} ({request['file']})")
+        run_window(python, request, work, answer_requests)
 
 
 def answer_requests(requests: BinaryIO, replies: BinaryIO) -> None:
@@ -234,41 +172,8 @@ def _read_edits(stored: Mapping[str, Any]) -> LeafEdits:
     return LeafEdits(**values)
 
 
-def _read_script(path: Path) -> list[Any]:
-    try:
-        actions = read_json(path)
-    except OSError as error:
-        raise PreviewError(f"{path} cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise PreviewError(f"{path} is no JSON: {error}") from error
-    if not isinstance(actions, list) or not all(isinstance(action, dict) and len(action) == 1 for action in actions):
-        raise PreviewError(f"{path} must be a list of actions, an object with one key each")
-    return actions
-
-
 def _capture_layer(capture: Path) -> Path:
     layer = capture / CAPTURE_LAYER if capture.is_dir() else capture
     if not layer.is_file():
         raise PreviewError(f"{layer} is missing; `usdfoliage capture {capture}` writes it")
     return layer.resolve()
-
-
-def _require_display() -> None:
-    if not sys.platform.startswith("linux") or any(
-        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
-    ):
-        return
-    raise PreviewError(
-        "there is no display for a window (DISPLAY is not set); start it on a desktop, with `ssh -X`, or under "
-        "`xvfb-run`; `usdfoliage preview` draws pictures without a display"
-    )
-
-
-def _describe_end(code: int, complaints: str, python: Path) -> str:
-    if "could not connect to display" in complaints or "no Qt platform plugin" in complaints:
-        display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or os.environ.get("QT_QPA_PLATFORM")
-        return (
-            f"the display {display} cannot be used; set DISPLAY to one that can, or use `xvfb-run`; on Debian a window "
-            "needs libxcb-cursor0 and the other packages of `make setup`"
-        )
-    return describe_crash(code, complaints, python)

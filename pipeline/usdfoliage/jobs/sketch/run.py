@@ -71,7 +71,7 @@ class SketchRequest:
     color_space: str | None = None
     species: str = ""
     settings: SketchModelSettings = field(default_factory=SketchModelSettings)
-    choices: SketchChoices = SketchChoices()  # in place of those settings, and of what the strokes' file has
+    choices: SketchChoices = field(default_factory=SketchChoices)  # over those settings, and over those of the strokes
     force: bool = False
     keep_old: bool = False
     preview: bool = True

@@ -1,0 +1,74 @@
+"""A slider and a box for each value of a drawing."""
+
+from PySide6 import QtCore, QtWidgets
+
+STEPS = 1000  # of a slider
+
+
+class ValueSliders(QtWidgets.QWidget):
+    """Reports a value when a hand has chosen it: when a slider is released, or a number is typed."""
+
+    chosen = QtCore.Signal(str, float)
+
+    def __init__(self, rows: list[dict], parent=None) -> None:
+        """rows: name, label, low, high, default, decimals, unit and tip of each."""
+        super().__init__(parent)
+        self._rows = {row["name"]: row for row in rows}
+        self.sliders: dict[str, QtWidgets.QSlider] = {}
+        self.boxes: dict[str, QtWidgets.QDoubleSpinBox] = {}
+        grid = QtWidgets.QGridLayout(self)
+        grid.setContentsMargins(0, 0, 0, 0)
+        for at, row in enumerate(rows):
+            label = QtWidgets.QLabel(row["label"])
+            label.setToolTip(row["tip"])
+            grid.addWidget(label, at, 0)
+            grid.addWidget(self._add_slider(row), at, 1)
+            grid.addWidget(self._add_box(row), at, 2)
+
+    def show_values(self, values: dict[str, float]) -> None:
+        """Stand at these values, and at the defaults of the others."""
+        for name, row in self._rows.items():
+            self._stand(name, values.get(name, row["default"]))
+
+    def _add_slider(self, row: dict) -> QtWidgets.QSlider:
+        name = row["name"]
+        slider = QtWidgets.QSlider(QtCore.Qt.Horizontal)
+        slider.setToolTip(row["tip"])
+        slider.setRange(0, STEPS)
+        slider.setMinimumWidth(110)
+        slider.valueChanged.connect(lambda step: self._slide(name, step))
+        slider.sliderReleased.connect(lambda: self.chosen.emit(name, self.boxes[name].value()))
+        self.sliders[name] = slider
+        return slider
+
+    def _add_box(self, row: dict) -> QtWidgets.QDoubleSpinBox:
+        name, low, high = row["name"], row["low"], row["high"]
+        box = QtWidgets.QDoubleSpinBox()
+        box.setToolTip(row["tip"])
+        box.setKeyboardTracking(False)
+        box.setDecimals(row["decimals"])
+        box.setRange(row["least"], row["greatest"])
+        box.setSingleStep(1 if row["decimals"] == 0 else (high - low) / 50)
+        box.setSuffix(row["unit"])
+        box.valueChanged.connect(lambda value: self._type(name, value))
+        self.boxes[name] = box
+        self._stand(name, row["default"])
+        return box
+
+    def _stand(self, name: str, value: float) -> None:
+        row = self._rows[name]
+        share = (value - row["low"]) / (row["high"] - row["low"])
+        for widget, stands_at in ((self.sliders[name], round(STEPS * share)), (self.boxes[name], value)):
+            widget.blockSignals(True)
+            widget.setValue(stands_at)
+            widget.blockSignals(False)
+
+    def _slide(self, name: str, step: int) -> None:
+        row = self._rows[name]
+        self._stand(name, row["low"] + step / STEPS * (row["high"] - row["low"]))
+        if not self.sliders[name].isSliderDown():  # by a key or the wheel
+            self.chosen.emit(name, self.boxes[name].value())
+
+    def _type(self, name: str, value: float) -> None:
+        self._stand(name, value)
+        self.chosen.emit(name, self.boxes[name].value())

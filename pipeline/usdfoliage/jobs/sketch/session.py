@@ -1,0 +1,307 @@
+"""What the window in which strokes are drawn asks of this process, and how it is answered.
+
+A line of JSON each; "id" is any number of the window's own, and stands in every reply:
+
+    {"id", "op": "trace", "tree": tree}                   {"id", "foliage": file, "branches", "rough", "seconds"}
+    {"id", "op": "grow", "strokes": file's JSON,          {"id", "step", "share"}, {"id", "shoots", "first"}, and at
+     "tree": number}                                      the end {"id", "asset": file, "facts", "remarks"}
+    {"id", "op": "stop"}                                  the growth ends with {"id", "stopped": true}
+    {"id", "op": "read", "path"}                          {"id", "strokes": file's JSON}
+    {"id", "op": "propose"}                               {"id", "strokes": file's JSON}
+    {"id", "op": "write", "path", "strokes"}              {"id", "written": file}
+    {"id", "op": "make", "path", "strokes_path",          {"id", "step", "share"}, and at the end {"id", "asset": file,
+     "strokes", "preview": true}                          "facts", "remarks"}
+
+and, for what cannot be done, {"id", "error": text}. A tree is {"crown": points, "branches": list of points} in pixels
+of the photograph; its crown may be empty. Tracing goes on while a tree grows; of several strokes that wait, the last is
+traced. A growth stops where another one begins.
+"""
+
+import json
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdfoliage import __version__
+from usdfoliage.asset.packages.plant_package import write_plant_asset
+from usdfoliage.asset.plant import asset_name
+from usdfoliage.asset.provenance import Provenance
+from usdfoliage.capture.folder.images import Photo
+from usdfoliage.capture.mask_proposal.propose import propose_mask
+from usdfoliage.errors import CaptureError, FoliageError
+from usdfoliage.jobs.report.pictures import write_picture
+from usdfoliage.jobs.report.table import Row
+from usdfoliage.jobs.sketch.model import (
+    SketchModelSettings,
+    apply_choices,
+    model_tree,
+    scale_strokes,
+    to_display,
+    work_picture,
+)
+from usdfoliage.jobs.sketch.run import SketchRequest, make_sketch_asset, sketch_rows
+from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, list_sentences
+from usdfoliage.sketch.axes import Axis
+from usdfoliage.sketch.foliage import Foliage, FoliageCutSettings
+from usdfoliage.sketch.proposal import propose_strokes
+from usdfoliage.sketch.reconstruct import foliage_of_strokes, mixture_seeds, trace_strokes
+from usdfoliage.sketch.strokes import (
+    Strokes,
+    TreeStrokes,
+    check_strokes,
+    format_strokes,
+    parse_strokes,
+    read_strokes,
+    write_strokes,
+)
+
+Reply = Callable[[Mapping[str, Any]], None]
+
+DRAFT_FACES = 40_000  # of the surface of branches, of a tree in the window
+_ROUGH_PX = 12_000  # pixels of a crown's box, in which its leaves are looked for while somebody waits
+_STEP_S = 0.12  # between pictures of a tree that grows
+
+
+class _StoppedError(Exception):
+    """A growth that nobody waits for any more."""
+
+
+@dataclass(eq=False)
+class DrawingSession:
+    """A photograph that somebody draws over, and what is known of its strokes."""
+
+    photo: Photo
+    color_space: str | None
+    work: Path  # a folder for files
+    settings: SketchModelSettings = field(default_factory=SketchModelSettings)
+    render_setting: RenderSetting = as_plan_setting
+
+    def __post_init__(self) -> None:
+        linear, self.shrunk = work_picture(self.photo.linear)
+        self.linear = linear
+        self.srgb = to_display(linear)
+        self._foliage: tuple[bytes, Foliage] | None = None
+        self._files = 0
+
+    @property
+    def head(self) -> dict[str, Any]:
+        """What stands before the trees in a file of strokes."""
+        return {"image": self.photo.path.name, "width": self.photo.width_px, "height": self.photo.height_px}
+
+    def next_path(self, name: str) -> Path:
+        """A file or folder in the work folder that was not there yet."""
+        self._files += 1
+        return self.work / f"{self._files:04d}_{name}"
+
+    def parse(self, strokes: Any) -> Strokes:
+        """Strokes of the window; CaptureError where they are none."""
+        found = parse_strokes(strokes, Path("the drawing"))
+        check_strokes(found, self.photo.width_px, self.photo.height_px, "of the drawing")
+        return found
+
+    def trace(self, tree: Mapping[str, Any], is_awaited: Callable[[], bool], reply: Reply) -> None:
+        """Find the leaves and branches of one tree: where its crown is new with rough leaves at once, then exactly."""
+        begun = time.perf_counter()
+        crown, branches = _points(tree["crown"]), [_points(line) for line in tree["branches"]]
+        if len(crown) < 3:
+            reply({"foliage": "", "branches": [], "rough": False, "seconds": 0.0})
+            return
+        strokes = scale_strokes(TreeStrokes(crown_px=crown, branches_px=tuple(branches)), self.shrunk)
+        key = np.round(crown, 2).tobytes()
+        known = self._foliage[1] if self._foliage is not None and self._foliage[0] == key else None
+        if known is None:
+            small = replace(self.settings.tree.foliage, max_pixels=_ROUGH_PX)
+            rough = self._find_foliage(strokes, small)
+            reply({**self._show_traced(strokes, rough), "rough": True, "seconds": time.perf_counter() - begun})
+            if not is_awaited():
+                return
+            begun = time.perf_counter()
+            known = self._find_foliage(strokes, self.settings.tree.foliage)
+            self._foliage = key, known
+        reply({**self._show_traced(strokes, known), "rough": False, "seconds": time.perf_counter() - begun})
+
+    def _find_foliage(self, strokes: TreeStrokes, settings: FoliageCutSettings) -> Foliage:
+        return foliage_of_strokes(self.srgb, strokes, mixture_seeds(self.settings.tree)[0], settings)
+
+    def _show_traced(self, strokes: TreeStrokes, foliage: Foliage) -> dict[str, Any]:
+        """Leaves as a picture and branches as lines, for the window."""
+        file = self.next_path("leaves.png")
+        write_picture(file, (255 * foliage.mask).astype(np.uint8))
+        branches = []
+        if strokes.branches_px:
+            traced = trace_strokes(self.srgb, strokes, foliage, self.settings.tree)
+            branches = [np.round(each.points_px / self.shrunk, 1).tolist() for each in traced.branches]
+        return {"foliage": str(file), "branches": branches}
+
+    def grow(self, drawn: Any, number: int, check: Callable[[], None], reply: Reply) -> None:
+        """Grow one tree of a drawing, and write it as a draft: as it will be, with a coarser surface and no crown."""
+        strokes = self.parse(drawn)
+        settings = replace(apply_choices(self.settings, strokes.choices), max_faces=DRAFT_FACES, has_crown=False)
+        tree = scale_strokes(strokes.trees[number], self.shrunk)
+        scale_m = settings.tree.height_m / max(_height(tree), 1.0)  # about: growth alone finds the top
+
+        def report(step: str, share: float) -> None:
+            check()
+            reply({"step": step, "share": share})
+
+        model = model_tree(self.linear, tree, settings, {}, report, _show_growth(scale_m, check, reply))
+        with_asset = self.next_path("draft")
+        with_asset.mkdir()
+        provenance = Provenance(
+            species="",
+            capture=self.photo.path.name,
+            generator=f"usdfoliage {__version__}",
+            seed=settings.tree.seed,
+            settings={},
+            input_sha256="",
+        )
+        asset = write_plant_asset(
+            with_asset,
+            "draft",
+            provenance=provenance,
+            asset_from_capture=model.asset_from_photo,
+            branches=model.branches,
+            foliage=model.foliage,
+        )
+        check()
+        reply({"asset": str(asset), **self._describe(sketch_rows(model), model.remarks)})
+
+    def make(self, order: Mapping[str, Any], reply: Reply) -> None:
+        """Write the strokes and the asset, as usdfoliage sketch makes it of them."""
+        strokes_path, output = Path(order["strokes_path"]), Path(order["path"])
+        write_strokes(strokes_path, self.parse(order["strokes"]))
+        request = SketchRequest(
+            photo=self.photo.path,
+            strokes=strokes_path,
+            output=output,
+            name=asset_name(output.resolve().name),
+            color_space=self.color_space,
+            settings=self.settings,
+            preview=bool(order.get("preview", True)),
+            render_setting=self.render_setting,
+        )
+        made = make_sketch_asset(request, lambda step, share: reply({"step": step, "share": share}))
+        reply({"asset": str(made.asset), **self._describe(made.rows, made.remarks)})
+
+    def answer_briefly(self, order: Mapping[str, Any]) -> dict[str, Any]:
+        """The reply to what takes no time."""
+        if order["op"] == "read":
+            found = read_strokes(Path(order["path"]))
+            check_strokes(found, self.photo.width_px, self.photo.height_px, str(order["path"]))
+            return {"strokes": json.loads(format_strokes(found))}
+        if order["op"] == "write":
+            write_strokes(Path(order["path"]), self.parse(order["strokes"]))
+            return {"written": str(order["path"])}
+        raise ValueError(f"nothing is known of {order['op']!r}")
+
+    def _describe(self, rows: Sequence[Row], remarks: Sequence[Remark]) -> dict[str, Any]:
+        return {
+            "facts": [f"{row.name} {row.value}" for row in rows],
+            "remarks": list_sentences(remarks, self.render_setting),
+        }
+
+    def propose(self) -> dict[str, Any]:
+        """Strokes that nobody drew."""
+        proposal = propose_mask(self.photo.linear, seed=self.settings.tree.seed)
+        tree = propose_strokes(proposal.mask, to_display(self.photo.linear))
+        width, height = self.photo.width_px, self.photo.height_px
+        strokes = Strokes(image=self.photo.path.name, width_px=width, height_px=height, trees=(tree,))
+        return {"strokes": json.loads(format_strokes(strokes))}
+
+
+def answer_drawing(session: DrawingSession, requests: BinaryIO, replies: BinaryIO) -> None:
+    """Answer the window until it is closed; an asset that is being made then is finished."""
+    writing, latest = threading.Lock(), {"trace": -1, "grow": -1}
+
+    def send(number: int, reply: Mapping[str, Any]) -> None:
+        with writing:
+            try:
+                replies.write(json.dumps({"id": number, **reply}).encode() + b"\n")
+                replies.flush()
+            except (BrokenPipeError, ValueError):  # the window is gone
+                return
+
+    def run(number: int, work: Callable[[Reply], None]) -> None:
+        def reply(content: Mapping[str, Any]) -> None:
+            send(number, content)
+
+        try:
+            work(reply)
+        except _StoppedError:
+            reply({"stopped": True})
+        except (FoliageError, OSError, ValueError, KeyError, TypeError, IndexError, MemoryError) as error:
+            reply({"error": str(error) or type(error).__name__})
+
+    def check(number: int) -> None:
+        if latest["grow"] != number:
+            raise _StoppedError
+
+    def trace(order: Mapping[str, Any], number: int, reply: Reply) -> None:
+        if latest["trace"] == number:
+            session.trace(order["tree"], lambda: latest["trace"] == number, reply)
+
+    def grow(order: Mapping[str, Any], number: int, reply: Reply) -> None:
+        check(number)
+        session.grow(order["strokes"], int(order["tree"]), lambda: check(number), reply)
+
+    with ThreadPoolExecutor(1) as tracer, ThreadPoolExecutor(1) as grower:
+        for line in requests:
+            try:
+                order = json.loads(line)
+                number, op = int(order["id"]), order["op"]
+            except (ValueError, KeyError, TypeError):
+                continue  # it has no number to answer to
+            if op == "trace":
+                latest["trace"] = number
+                tracer.submit(run, number, lambda reply, order=order, number=number: trace(order, number, reply))
+            elif op == "grow":
+                latest["grow"] = number
+                grower.submit(run, number, lambda reply, order=order, number=number: grow(order, number, reply))
+            elif op == "stop":
+                latest["grow"] = -1
+            elif op == "make":
+                latest["grow"] = -1
+                grower.submit(run, number, lambda reply, order=order: session.make(order, reply))
+            elif op == "propose":
+                tracer.submit(run, number, lambda reply: reply(session.propose()))
+            else:
+                run(number, lambda reply, order=order: reply(session.answer_briefly(order)))
+        latest["grow"] = -1
+
+
+def _points(listed: Any) -> NDArray[np.float64]:
+    """(N, 2) points of the window."""
+    points = np.array(listed, np.float64).reshape(-1, 2)
+    if not np.isfinite(points).all():
+        raise CaptureError("a stroke has points that are no numbers")
+    return points
+
+
+def _height(tree: TreeStrokes) -> float:
+    """From the lowest to the highest place of the strokes, in pixels."""
+    return float(np.ptp(np.concatenate([tree.crown_px, *tree.branches_px])[:, 1]))
+
+
+def _show_growth(scale_m: float, check: Callable[[], None], reply: Reply) -> Callable[[Sequence[Axis]], None]:
+    """What to call with a tree that grows: its new branches go to the window, a few times a second."""
+    sent, last = 0, 0.0
+
+    def watch(axes: Sequence[Axis]) -> None:
+        nonlocal sent, last
+        check()
+        now = time.monotonic()
+        if now - last < _STEP_S or len(axes) == sent:
+            return
+        root = axes[0].points[0]
+        shoots = [(np.round((axis.points - root) * scale_m, 4)).tolist() for axis in axes[sent:]]
+        reply({"shoots": shoots, "first": sent})
+        sent, last = len(axes), now
+
+    return watch
