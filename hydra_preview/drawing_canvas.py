@@ -5,7 +5,7 @@ from PySide6 import QtCore, QtGui, QtWidgets
 
 CROWN_COLOR, BRANCH_COLOR = QtGui.QColor(235, 60, 45), QtGui.QColor(45, 120, 255)
 TRACED_COLOR, CHOSEN_COLOR = QtGui.QColor(255, 214, 0), QtGui.QColor(255, 255, 255)
-LEAVES_COLOR = QtGui.QColor(80, 255, 90, 80)
+LEAVES_COLOR = QtGui.QColor(0, 225, 255, 95)  # over leaves of any hue
 BACKGROUND = QtGui.QColor(40, 41, 43)
 REACH_PX = 8.0  # of the screen, within which a stroke is meant
 SIMPLE_PX = 0.7  # of the screen, by which a stroke may leave the way of the mouse

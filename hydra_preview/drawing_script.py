@@ -18,7 +18,8 @@ def _wait(window: DrawingWindow, *, shows: bool = False) -> None:
             raise ValueError(f"usdfoliage did not answer within {PATIENCE_S:g} s")
         QtWidgets.QApplication.processEvents(QtCore.QEventLoop.AllEvents, 20)
         time.sleep(0.005)
-    settle(window)
+    if not shows:  # else the tree would go on growing
+        settle(window)
 
 
 def _mouse(window: DrawingWindow, kind, place: QtCore.QPointF, button, pressed) -> None:

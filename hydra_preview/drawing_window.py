@@ -246,7 +246,7 @@ class DrawingWindow(QtWidgets.QMainWindow):
             self._tell(
                 "Looking for the leaves…"
                 if reply["rough"]
-                else f"{len(reply['branches'])} branches traced in {reply['seconds']:.2f} s"
+                else f"traced in {reply['seconds']:.2f} s; branches: {len(reply['branches'])}"
             )
 
         crown = [list(point) for point in tree.crown]

@@ -20,7 +20,7 @@ class GrownTree(QtWidgets.QStackedWidget):
     failed = QtCore.Signal(str)
 
     def __init__(self, dome_texture: str, is_busy, parent=None) -> None:
-        """is_busy tells whether turning has to wait, as while somebody draws."""
+        """is_busy: whether turning has to wait, as while somebody draws."""
         super().__init__(parent)
         self.view: StormView | None = None
         self.turns = True

@@ -193,3 +193,34 @@ def test_leaves_have_the_colours_of_leaves_and_never_of_the_sky(bounds):
     away = np.hypot(tips[:, 0] - 100, -tips[:, 1] - 100)
     assert not fitting.kept[away > 83].any()
     assert fitting.kept[(away < 70) & (np.hypot(base[:, 0] - 100, -base[:, 1] - 100) < 70)].all()
+
+
+def test_gravity_lets_new_branches_hang_or_rise(bounds):
+    def rise(gravity: float) -> float:
+        """Mean share of its length, by which the last part of a new branch rises."""
+        grown = grow_axes(
+            [trunk()],
+            predefined_subtrees(GENERIC),
+            bounds,
+            np.random.default_rng(0),
+            SketchGrowthSettings(iterations=30, max_shoots=300, gravity=gravity),
+        )
+        ends = [axis.points[-1] - axis.points[-2] for axis in grown.axes[grown.traced :]]
+        return float(np.mean([end[1] / np.linalg.norm(end) for end in ends]))
+
+    hanging, even, rising = rise(1.0), rise(0.0), rise(-1.0)
+    assert hanging < even - 0.2
+    assert rising > even + 0.05
+
+
+def test_who_watches_sees_each_axis_once_it_grew(bounds):
+    seen = []
+    watched = grow_axes(
+        [trunk()],
+        predefined_subtrees(GENERIC),
+        bounds,
+        np.random.default_rng(0),
+        FAST,
+        watch=lambda axes: seen.append(len(axes)),
+    )
+    assert seen == list(watched.stages[1:])

@@ -142,13 +142,42 @@ def test_a_dry_run_writes_nothing(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+def test_settings_beside_strokes_count_under_options(tmp_path, capsys):
+    photo, strokes = write_tree(tmp_path, draw_leafy())
+    content = json.loads(strokes.read_text())
+    chosen = {"height_m": 4, "depth": 2.5, "density": 0.5, "gravity": 0.5, "leaf_length_m": 0.1, "seed": 5}
+    strokes.write_text(json.dumps({**content, "settings": chosen}))
+    assert main(["sketch", str(photo), "-o", str(tmp_path / "out"), "--dry-run", "--depth", "1.5"]) == 0
+    planned = capsys.readouterr().out
+    for words in ("height 4,", "depth 1.5,", "density 0.5,", "gravity 0.5,", "leaf-length 0.1,", "seed 5,"):
+        assert words in planned
+    strokes.write_text(json.dumps({**content, "settings": {"depth": 50}}))
+    assert main(["sketch", str(photo), "-o", str(tmp_path / "out")]) == 2
+    assert "settings: depth must be 0.1 to 5, not 50" in capsys.readouterr().err
+
+
+def test_density_is_that_of_the_leaves(leafy, tmp_path):
+    _, photo, _, _ = leafy
+    counts = []
+    for density in ("0.25", "0.5"):
+        out = tmp_path / density
+        words = ["--no-preview", "--no-crown", "--most-leaves", "100000", "--density", density, "--json"]
+        assert main(["sketch", str(photo), "-o", str(out), *words]) == 0
+        stage = Usd.Stage.Open(str(next(out.glob("*.usda"))))
+        leaves = next(UsdGeom.PointInstancer(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.PointInstancer))
+        counts.append(len(leaves.GetPositionsAttr().Get()))
+    assert counts[0] / counts[1] == pytest.approx(0.5, rel=0.1)
+
+
 @pytest.mark.parametrize(
     ("words", "error"),
     [
+        (["--gravity", "2"], "gravity must be"),
+        (["--density", "0"], "density must be"),
         (["--height", "0"], "height must be above 0"),
         (["--depth", "9"], "depth must be"),
         (["--tape", "1", "1", "1", "1", "2"], "--tape"),
-        (["--leaf-length", "-1"], "--leaf-length"),
+        (["--leaf-length", "-1"], "the leaf length must be"),
         (["--species", "no such one"], "no species"),
         (["--strokes", "none.json"], "none.json"),
     ],

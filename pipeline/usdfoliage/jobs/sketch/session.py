@@ -47,7 +47,7 @@ from usdfoliage.jobs.sketch.model import (
     work_picture,
 )
 from usdfoliage.jobs.sketch.run import SketchRequest, make_sketch_asset, sketch_rows
-from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, list_sentences
+from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, list_sentences, warnings_of
 from usdfoliage.sketch.axes import Axis
 from usdfoliage.sketch.foliage import Foliage, FoliageCutSettings
 from usdfoliage.sketch.proposal import propose_strokes
@@ -204,7 +204,7 @@ class DrawingSession:
     def _describe(self, rows: Sequence[Row], remarks: Sequence[Remark]) -> dict[str, Any]:
         return {
             "facts": [f"{row.name} {row.value}" for row in rows],
-            "remarks": list_sentences(remarks, self.render_setting),
+            "remarks": list_sentences(warnings_of(remarks), self.render_setting),
         }
 
     def propose(self) -> dict[str, Any]:
