@@ -92,6 +92,7 @@ class DrawingWindow(QtWidgets.QMainWindow):
 
     def _add_widgets(self, rows: list[dict]) -> None:
         self.hint = QtWidgets.QLabel()
+        self.hint.setSizePolicy(QtWidgets.QSizePolicy.Ignored, QtWidgets.QSizePolicy.Fixed)  # never widens the window
         self.hint.setStyleSheet("padding: 5px; background: #2f3133; color: #e8e8e8;")
         left = QtWidgets.QWidget()
         column = QtWidgets.QVBoxLayout(left)
@@ -251,7 +252,9 @@ class DrawingWindow(QtWidgets.QMainWindow):
 
         crown = [list(point) for point in tree.crown]
         branches = [[list(point) for point in line] for line in tree.branches]
-        self._trace_number = self.link.ask(receive, op="trace", tree={"crown": crown, "branches": branches})
+        self._trace_number = self.link.ask(
+            receive, op="trace", tree={"crown": crown, "branches": branches}, settings=dict(self.drawing.values)
+        )
 
     # Growing
 
@@ -286,6 +289,7 @@ class DrawingWindow(QtWidgets.QMainWindow):
                 self._refresh_actions()
 
         self._grow_number = self.link.ask(receive, op="grow", strokes=strokes, tree=place_of_tree(drawing))
+        self._tell("The tree grows…")
         self._show_progress("tree", 0.0)
         self._refresh_actions()
 

@@ -10,7 +10,7 @@ from storm_view import StormView
 TURN_S = 24.0  # for a whole turn
 REST = 1.5  # times as long as a picture takes, nothing is drawn after it, so that the window stays fluent
 LEAST_MS = 40
-WIDE, THIN = 0.012, 0.004  # of the tree's height: shoots while it grows
+WIDE, THIN = 0.016, 0.006  # of the tree's height: shoots while it grows
 BARK = (0.17, 0.11, 0.07)
 
 

@@ -52,12 +52,12 @@ def test_a_simpler_line_keeps_its_ends_and_stays_near(line, tolerance):
     assert all(d.distance_to(simple, point) <= tolerance + 1e-6 for point in line)
 
 
-def test_a_long_way_of_the_mouse_is_made_simple_without_recursion():
+def test_a_long_stroke_of_the_mouse_is_made_simple():
     line = tuple((x, 50 * math.sin(x / 40)) for x in range(20_000))
     assert len(d.simplify(line, 0.5)) < 5000
 
 
-def test_undo_and_redo_go_the_whole_way_and_a_new_stroke_ends_redo():
+def test_undo_goes_back_to_the_start_and_redo_to_the_end():
     history = d.History()
     drawings = [drawn((d.CROWN, CROWN)), drawn((d.CROWN, CROWN), (d.BRANCH, TRUNK))]
     for each in drawings:

@@ -70,6 +70,7 @@ def sketch_tree(
     settings: SketchSettings = SketchSettings(),
     report: Progress | None = None,
     watch: Watch | None = None,
+    leaf_pixels: Foliage | None = None,
 ) -> SketchedTree:
     """Make a tree of a photograph.
 
@@ -80,13 +81,14 @@ def sketch_tree(
         settings: How.
         report: Called while the tree grows, as grow_axes does.
         watch: Likewise.
+        leaf_pixels: What foliage_of_strokes finds with the first of mixture_seeds, where it is known already.
 
     Raises:
         FitError: The strokes hold no leaves.
     """
     rng = np.random.default_rng(settings.seed)
     seeds = [int(each) for each in rng.integers(2**31 - 2, size=2)]
-    foliage = foliage_of_strokes(srgb, strokes, seeds[0], settings.foliage)
+    foliage = leaf_pixels or foliage_of_strokes(srgb, strokes, seeds[0], settings.foliage)
     bounds = bound_crown(foliage.mask, settings.depth, foliage.inside if foliage.is_bare else None)
     if not strokes.branches_px:
         strokes = TreeStrokes(crown_px=strokes.crown_px, branches_px=(_stem_below(bounds),))
@@ -112,7 +114,8 @@ def trace_strokes(
     srgb: NDArray[np.uint8], strokes: TreeStrokes, foliage: Foliage, settings: SketchSettings = SketchSettings()
 ) -> TracedTree:
     """The branches that sketch_tree traces, from what foliage_of_strokes found; at least one stroke is of a branch."""
-    return trace_tree(branch_odds(srgb, strokes, foliage, mixture_seeds(settings)[1], settings.trace), strokes)
+    odds = branch_odds(srgb, strokes, foliage, mixture_seeds(settings)[1], settings.trace)
+    return trace_tree(odds, strokes, settings.trace)
 
 
 def foliage_of_strokes(

@@ -45,9 +45,9 @@ def test_strokes_are_traced_roughly_at_once_and_then_exactly(drawn, tmp_path):
     rough, exact = ask(drawn, tmp_path, {"id": 1, "op": "trace", "tree": tree_of(drawn)})
     assert (rough["rough"], exact["rough"]) == (True, False)
     leaves = drawn[0].leaves
-    for reply, least in ((rough, 0.9), (exact, 0.95)):
+    for reply, agreeing in ((rough, 0.9), (exact, 0.95)):
         found = cv2.imread(reply["foliage"], cv2.IMREAD_GRAYSCALE) > 0
-        assert (found & leaves).sum() / (found | leaves).sum() > least
+        assert (found & leaves).sum() / (found | leaves).sum() > agreeing
         (trunk,) = reply["branches"]
         assert abs(np.array(trunk)[:, 0] - 150).max() < 6
 
@@ -55,8 +55,8 @@ def test_strokes_are_traced_roughly_at_once_and_then_exactly(drawn, tmp_path):
 def test_another_branch_of_the_same_crown_is_traced_without_looking_for_leaves_again(drawn, tmp_path):
     session = DrawingSession(photo=drawn[1], color_space=None, work=tmp_path)
     replies: list[dict] = []
-    session.trace(tree_of(drawn, branches=[]), lambda: True, replies.append)
-    session.trace(tree_of(drawn), lambda: True, replies.append)
+    session.trace({"tree": tree_of(drawn, branches=[])}, lambda: True, replies.append)
+    session.trace({"tree": tree_of(drawn)}, lambda: True, replies.append)
     assert [each["rough"] for each in replies] == [True, False, False]
     assert [len(each["branches"]) for each in replies] == [0, 0, 1]
 

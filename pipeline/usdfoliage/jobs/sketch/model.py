@@ -24,6 +24,7 @@ from usdfoliage.jobs.sketch.leaves import SketchLeaves, grow_sketch_leaves
 from usdfoliage.progress import StepProgress, follow_step
 from usdfoliage.remarks import Remark, remark
 from usdfoliage.sketch.choices import SketchChoices
+from usdfoliage.sketch.foliage import Foliage
 from usdfoliage.sketch.growth import Watch
 from usdfoliage.sketch.reconstruct import SketchedTree, SketchSettings, sketch_tree
 from usdfoliage.sketch.strokes import TreeStrokes
@@ -141,6 +142,7 @@ def model_tree(
     seconds: dict[str, float],
     progress: StepProgress | None = None,
     watch: Watch | None = None,
+    leaf_pixels: Foliage | None = None,
 ) -> SketchModel:
     """Make a tree of a photograph.
 
@@ -151,6 +153,7 @@ def model_tree(
         seconds: What each step took is added.
         progress: Called at each step.
         watch: Called with the axes while the tree grows, as grow_axes does.
+        leaf_pixels: As sketch_tree takes it.
 
     Raises:
         FoliageError: The strokes hold no tree.
@@ -163,7 +166,9 @@ def model_tree(
             settings = replace(settings, tree=scaled)
     srgb = to_display(linear)
     with follow_step("tree", seconds, progress) as advance:
-        tree = sketch_tree(srgb, strokes, settings.species, settings.tree, report=advance, watch=watch)
+        tree = sketch_tree(
+            srgb, strokes, settings.species, settings.tree, report=advance, watch=watch, leaf_pixels=leaf_pixels
+        )
     with follow_step("surface", seconds, progress):
         made = build_surfaces(tree.skeleton, settings.max_faces)
     remarks = list(made.remarks)

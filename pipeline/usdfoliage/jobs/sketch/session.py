@@ -2,7 +2,7 @@
 
 A line of JSON each; "id" is any number of the window's own, and stands in every reply:
 
-    {"id", "op": "trace", "tree": tree}                   {"id", "foliage": file, "branches", "rough", "seconds"}
+    {"id", "op": "trace", "tree": tree, "settings"}       {"id", "foliage": file, "branches", "rough", "seconds"}
     {"id", "op": "grow", "strokes": file's JSON,          {"id", "step", "share"}, {"id", "shoots", "first"}, and at
      "tree": number}                                      the end {"id", "asset": file, "facts", "remarks"}
     {"id", "op": "stop"}                                  the growth ends with {"id", "stopped": true}
@@ -23,6 +23,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -49,9 +50,9 @@ from usdfoliage.jobs.sketch.model import (
 from usdfoliage.jobs.sketch.run import SketchRequest, make_sketch_asset, sketch_rows
 from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, list_sentences, warnings_of
 from usdfoliage.sketch.axes import Axis
-from usdfoliage.sketch.foliage import Foliage, FoliageCutSettings
+from usdfoliage.sketch.foliage import Foliage
 from usdfoliage.sketch.proposal import propose_strokes
-from usdfoliage.sketch.reconstruct import foliage_of_strokes, mixture_seeds, trace_strokes
+from usdfoliage.sketch.reconstruct import SketchSettings, foliage_of_strokes, mixture_seeds, trace_strokes
 from usdfoliage.sketch.strokes import (
     Strokes,
     TreeStrokes,
@@ -73,6 +74,15 @@ class _StoppedError(Exception):
     """A growth that nobody waits for any more."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _FoundFoliage:
+    """Leaves, and what they were found of."""
+
+    strokes: TreeStrokes
+    seed: int
+    foliage: Foliage
+
+
 @dataclass(eq=False)
 class DrawingSession:
     """A photograph that somebody draws over, and what is known of its strokes."""
@@ -87,7 +97,7 @@ class DrawingSession:
         linear, self.shrunk = work_picture(self.photo.linear)
         self.linear = linear
         self.srgb = to_display(linear)
-        self._foliage: tuple[bytes, Foliage] | None = None
+        self._found: _FoundFoliage | None = None
         self._files = 0
 
     @property
@@ -106,37 +116,47 @@ class DrawingSession:
         check_strokes(found, self.photo.width_px, self.photo.height_px, "of the drawing")
         return found
 
-    def trace(self, tree: Mapping[str, Any], is_awaited: Callable[[], bool], reply: Reply) -> None:
+    def trace(self, order: Mapping[str, Any], is_awaited: Callable[[], bool], reply: Reply) -> None:
         """Find the leaves and branches of one tree: where its crown is new with rough leaves at once, then exactly."""
         begun = time.perf_counter()
+        tree, seed = order["tree"], int(order.get("settings", {}).get("seed", self.settings.tree.seed))
         crown, branches = _points(tree["crown"]), [_points(line) for line in tree["branches"]]
         if len(crown) < 3:
             reply({"foliage": "", "branches": [], "rough": False, "seconds": 0.0})
             return
         strokes = scale_strokes(TreeStrokes(crown_px=crown, branches_px=tuple(branches)), self.shrunk)
-        key = np.round(crown, 2).tobytes()
-        known = self._foliage[1] if self._foliage is not None and self._foliage[0] == key else None
+        settings = replace(self.settings.tree, seed=seed)
+        known = self._recall_foliage(strokes, seed)
         if known is None:
-            small = replace(self.settings.tree.foliage, max_pixels=_ROUGH_PX)
-            rough = self._find_foliage(strokes, small)
-            reply({**self._show_traced(strokes, rough), "rough": True, "seconds": time.perf_counter() - begun})
+            small = replace(settings.foliage, max_pixels=_ROUGH_PX)
+            rough = foliage_of_strokes(self.srgb, strokes, mixture_seeds(settings)[0], small)
+            traced = self._show_traced(strokes, rough, settings)
+            reply({**traced, "rough": True, "seconds": time.perf_counter() - begun})
             if not is_awaited():
                 return
             begun = time.perf_counter()
-            known = self._find_foliage(strokes, self.settings.tree.foliage)
-            self._foliage = key, known
-        reply({**self._show_traced(strokes, known), "rough": False, "seconds": time.perf_counter() - begun})
+            known = foliage_of_strokes(self.srgb, strokes, mixture_seeds(settings)[0], settings.foliage)
+            self._found = _FoundFoliage(strokes=strokes, seed=seed, foliage=known)
+        reply({**self._show_traced(strokes, known, settings), "rough": False, "seconds": time.perf_counter() - begun})
 
-    def _find_foliage(self, strokes: TreeStrokes, settings: FoliageCutSettings) -> Foliage:
-        return foliage_of_strokes(self.srgb, strokes, mixture_seeds(self.settings.tree)[0], settings)
+    def _recall_foliage(self, strokes: TreeStrokes, seed: int) -> Foliage | None:
+        """The leaves that were found last, where they are those of these strokes."""
+        found = self._found
+        if found is None or found.seed != seed or not np.array_equal(found.strokes.crown_px, strokes.crown_px):
+            return None
+        # Strokes of branches decide whether what is thin is leaves.
+        same = len(found.strokes.branches_px) == len(strokes.branches_px) and all(
+            map(np.array_equal, found.strokes.branches_px, strokes.branches_px)
+        )
+        return found.foliage if same or not found.foliage.is_thin else None
 
-    def _show_traced(self, strokes: TreeStrokes, foliage: Foliage) -> dict[str, Any]:
+    def _show_traced(self, strokes: TreeStrokes, foliage: Foliage, settings: SketchSettings) -> dict[str, Any]:
         """Leaves as a picture and branches as lines, for the window."""
         file = self.next_path("leaves.png")
         write_picture(file, (255 * foliage.mask).astype(np.uint8))
         branches = []
         if strokes.branches_px:
-            traced = trace_strokes(self.srgb, strokes, foliage, self.settings.tree)
+            traced = trace_strokes(self.srgb, strokes, foliage, settings)
             branches = [np.round(each.points_px / self.shrunk, 1).tolist() for each in traced.branches]
         return {"foliage": str(file), "branches": branches}
 
@@ -151,9 +171,10 @@ class DrawingSession:
             check()
             reply({"step": step, "share": share})
 
-        model = model_tree(self.linear, tree, settings, {}, report, _show_growth(scale_m, check, reply))
-        with_asset = self.next_path("draft")
-        with_asset.mkdir()
+        known = self._recall_foliage(tree, settings.tree.seed)
+        model = model_tree(self.linear, tree, settings, {}, report, _show_growth(scale_m, check, reply), known)
+        folder = self.next_path("draft")
+        folder.mkdir()
         provenance = Provenance(
             species="",
             capture=self.photo.path.name,
@@ -163,7 +184,7 @@ class DrawingSession:
             input_sha256="",
         )
         asset = write_plant_asset(
-            with_asset,
+            folder,
             "draft",
             provenance=provenance,
             asset_from_capture=model.asset_from_photo,
@@ -190,16 +211,17 @@ class DrawingSession:
         made = make_sketch_asset(request, lambda step, share: reply({"step": step, "share": share}))
         reply({"asset": str(made.asset), **self._describe(made.rows, made.remarks)})
 
-    def answer_briefly(self, order: Mapping[str, Any]) -> dict[str, Any]:
-        """The reply to what takes no time."""
+    def answer_briefly(self, order: Mapping[str, Any], reply: Reply) -> None:
+        """What takes no time: strokes of files."""
         if order["op"] == "read":
             found = read_strokes(Path(order["path"]))
             check_strokes(found, self.photo.width_px, self.photo.height_px, str(order["path"]))
-            return {"strokes": json.loads(format_strokes(found))}
-        if order["op"] == "write":
+            reply({"strokes": json.loads(format_strokes(found))})
+        elif order["op"] == "write":
             write_strokes(Path(order["path"]), self.parse(order["strokes"]))
-            return {"written": str(order["path"])}
-        raise ValueError(f"nothing is known of {order['op']!r}")
+            reply({"written": str(order["path"])})
+        else:
+            raise ValueError(f"nothing is known of {order['op']!r}")
 
     def _describe(self, rows: Sequence[Row], remarks: Sequence[Remark]) -> dict[str, Any]:
         return {
@@ -207,13 +229,13 @@ class DrawingSession:
             "remarks": list_sentences(warnings_of(remarks), self.render_setting),
         }
 
-    def propose(self) -> dict[str, Any]:
+    def propose(self, reply: Reply) -> None:
         """Strokes that nobody drew."""
         proposal = propose_mask(self.photo.linear, seed=self.settings.tree.seed)
         tree = propose_strokes(proposal.mask, to_display(self.photo.linear))
         width, height = self.photo.width_px, self.photo.height_px
         strokes = Strokes(image=self.photo.path.name, width_px=width, height_px=height, trees=(tree,))
-        return {"strokes": json.loads(format_strokes(strokes))}
+        reply({"strokes": json.loads(format_strokes(strokes))})
 
 
 def answer_drawing(session: DrawingSession, requests: BinaryIO, replies: BinaryIO) -> None:
@@ -245,7 +267,7 @@ def answer_drawing(session: DrawingSession, requests: BinaryIO, replies: BinaryI
 
     def trace(order: Mapping[str, Any], number: int, reply: Reply) -> None:
         if latest["trace"] == number:
-            session.trace(order["tree"], lambda: latest["trace"] == number, reply)
+            session.trace(order, lambda: latest["trace"] == number, reply)
 
     def grow(order: Mapping[str, Any], number: int, reply: Reply) -> None:
         check(number)
@@ -260,19 +282,19 @@ def answer_drawing(session: DrawingSession, requests: BinaryIO, replies: BinaryI
                 continue  # it has no number to answer to
             if op == "trace":
                 latest["trace"] = number
-                tracer.submit(run, number, lambda reply, order=order, number=number: trace(order, number, reply))
+                tracer.submit(run, number, partial(trace, order, number))
+            elif op == "propose":
+                tracer.submit(run, number, session.propose)
             elif op == "grow":
                 latest["grow"] = number
-                grower.submit(run, number, lambda reply, order=order, number=number: grow(order, number, reply))
-            elif op == "stop":
-                latest["grow"] = -1
+                grower.submit(run, number, partial(grow, order, number))
             elif op == "make":
                 latest["grow"] = -1
-                grower.submit(run, number, lambda reply, order=order: session.make(order, reply))
-            elif op == "propose":
-                tracer.submit(run, number, lambda reply: reply(session.propose()))
+                grower.submit(run, number, partial(session.make, order))
+            elif op == "stop":
+                latest["grow"] = -1
             else:
-                run(number, lambda reply, order=order: reply(session.answer_briefly(order)))
+                run(number, partial(session.answer_briefly, order))
         latest["grow"] = -1
 
 
