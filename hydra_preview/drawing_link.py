@@ -22,6 +22,7 @@ class DrawingLink(QtCore.QObject):
         self._receivers: dict[int, Callable[[dict], None]] = {}
         self._last = 0
         self.replied.connect(self._deliver)
+        self.ended.connect(self._receivers.clear)
         threading.Thread(target=self._read, daemon=True).start()
 
     @property

@@ -94,7 +94,7 @@ def _make(window: DrawingWindow, order: dict) -> None:
 
 
 def _save(window: DrawingWindow, path: str) -> None:
-    window.save_as(str(Path(path).absolute()))
+    window.write(str(Path(path).absolute()))
     _wait(window)
 
 

@@ -161,7 +161,7 @@ class DrawingWindow(QtWidgets.QMainWindow):
     def delete(self) -> None:
         stroke: Stroke | None = self.canvas.selected or self.canvas.hovered
         if stroke is None:
-            self._tell("Click a stroke first; Delete removes it then")
+            self._report("Click a stroke first; Delete removes it then")
             return
         self._change(delete_stroke(self.drawing, stroke))
 
@@ -244,7 +244,7 @@ class DrawingWindow(QtWidgets.QMainWindow):
             if not tree.crown:
                 return
             self.seconds.append(clock.elapsed() / 1000)
-            self._tell(
+            self._report(
                 "Looking for the leaves…"
                 if reply["rough"]
                 else f"traced in {reply['seconds']:.2f} s; branches: {len(reply['branches'])}"
@@ -262,7 +262,7 @@ class DrawingWindow(QtWidgets.QMainWindow):
         """Grow the current tree, in place of one that grows."""
         drawing = self.drawing
         if not drawing.tree.crown or self._makes:
-            self._tell(self._hint())
+            self._report(self._hint())
             return
         try:
             strokes = to_strokes(drawing, self._head)
@@ -281,15 +281,15 @@ class DrawingWindow(QtWidgets.QMainWindow):
                 self._end_progress()
                 self.grown.show_asset(reply["asset"])
                 self.facts.setText("\n".join([*reply["facts"], "", *reply["remarks"]]))
-                self._tell("Grown")
+                self._report("Grown")
             else:
                 self._end_progress()
                 self._grown = None
-                self._warn(reply["error"]) if "error" in reply else self._tell("Stopped")
+                self._warn(reply["error"]) if "error" in reply else self._report("Stopped")
                 self._refresh_actions()
 
         self._grow_number = self.link.ask(receive, op="grow", strokes=strokes, tree=place_of_tree(drawing))
-        self._tell("The tree grows…")
+        self._report("The tree grows…")
         self._show_progress("tree", 0.0)
         self._refresh_actions()
 
@@ -310,10 +310,11 @@ class DrawingWindow(QtWidgets.QMainWindow):
     # Files
 
     def save(self) -> None:
-        """Save strokes and sliders where they were loaded from, or beside the photograph."""
-        self.save_as(self._strokes_path)
+        """Save strokes and sliders beside the photograph, where usdfoliage sketch finds them."""
+        self.write(self._strokes_path)
 
-    def save_as(self, path: str) -> None:
+    def write(self, path: str) -> None:
+        """Write strokes and sliders into a file."""
         drawing = self.drawing
         try:
             strokes = to_strokes(drawing, self._head)
@@ -325,9 +326,9 @@ class DrawingWindow(QtWidgets.QMainWindow):
             if "error" in reply:
                 self._warn(reply["error"])
                 return
-            self._strokes_path = path
-            self._mark_saved(drawing)
-            self._tell(f"strokes: {reply['written']}")
+            if path == self._strokes_path:
+                self._mark_saved(drawing)
+            self._report(f"strokes: {reply['written']}")
 
         self.link.ask(receive, op="write", path=path, strokes=strokes)
 
@@ -338,9 +339,8 @@ class DrawingWindow(QtWidgets.QMainWindow):
             if "error" in reply:
                 self._warn(reply["error"])
                 return
-            self._strokes_path = path
             self._change(from_strokes(reply["strokes"]))
-            self._mark_saved(self.drawing)
+            self._report(f"loaded: {path}")
 
         self.link.ask(receive, op="read", path=path)
 
@@ -353,7 +353,7 @@ class DrawingWindow(QtWidgets.QMainWindow):
                 return
             self._change(self.drawing.with_tree(from_strokes(reply["strokes"]).tree))
 
-        self._tell("Looking for the tree…")
+        self._report("Looking for the tree…")
         self.link.ask(receive, op="propose")
 
     def make(self, path: str, *, preview: bool = True) -> None:
@@ -376,7 +376,7 @@ class DrawingWindow(QtWidgets.QMainWindow):
                 self._warn(reply["error"])
                 return
             self._mark_saved(drawing)
-            self._tell(f"asset: {reply['asset']}; strokes: {self._strokes_path}")
+            self._report(f"asset: {reply['asset']}; strokes: {self._strokes_path}")
 
         self.link.ask(receive, op="make", path=path, strokes_path=self._strokes_path, strokes=strokes, preview=preview)
         self._show_progress("tree", 0.0)
@@ -406,7 +406,7 @@ class DrawingWindow(QtWidgets.QMainWindow):
 
     # Messages
 
-    def _tell(self, text: str) -> None:
+    def _report(self, text: str) -> None:
         self.statusBar().setStyleSheet("")
         self.statusBar().showMessage(text)
 

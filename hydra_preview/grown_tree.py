@@ -9,7 +9,7 @@ from storm_view import StormView
 
 TURN_S = 24.0  # for a whole turn
 REST = 1.5  # times as long as a picture takes, nothing is drawn after it, so that the window stays fluent
-LEAST_MS = 40
+SHORTEST_MS = 40
 WIDE, THIN = 0.016, 0.006  # of the tree's height: shoots while it grows
 BARK = (0.17, 0.11, 0.07)
 
@@ -104,7 +104,7 @@ class GrownTree(QtWidgets.QStackedWidget):
 
     def _wait_to_turn(self) -> None:
         if self.turns and self.view is not None:
-            self._timer.start(max(LEAST_MS, round(1000 * REST * self.view.seconds)))
+            self._timer.start(max(SHORTEST_MS, round(1000 * REST * self.view.seconds)))
 
     def _turn(self) -> None:
         now = time.monotonic()

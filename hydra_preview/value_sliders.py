@@ -47,7 +47,7 @@ class ValueSliders(QtWidgets.QWidget):
         box.setToolTip(row["tip"])
         box.setKeyboardTracking(False)
         box.setDecimals(row["decimals"])
-        box.setRange(row["least"], row["greatest"])
+        box.setRange(row["lowest"], row["highest"])
         box.setSingleStep(1 if row["decimals"] == 0 else (high - low) / 50)
         box.setSuffix(row["unit"])
         box.valueChanged.connect(lambda value: self._type(name, value))

@@ -85,11 +85,11 @@ def session(display, tmp_path_factory):
             *[{"key": "Ctrl+Z"}, picture("undone"), {"key": "Ctrl+Shift+Z"}, picture("redone")],
             *[{"click": [80, 90]}, picture("chosen"), {"key": "Del"}, {"hover": [10, 390]}, picture("deleted")],
             *[{"slide": {"gravity": 800}}, {"value": {"density": 0.4, "leaf_length_m": 0.12, "seed": 3}}],
-            {"save_strokes": str(folder / "early.json")},
             *[{"turning": False}, {"grow": str(folder / "growing.png")}, picture("grown")],
             *[{"turning": True}, {"turn": 3}, {"turning": False}, picture("turned")],
             *[{"key": "Ctrl+S"}, {"message": "strokes: "}],
             {"make": {"path": str(folder / "window" / "oak"), "preview": False}},
+            {"save_strokes": str(folder / "copy.json")},
         ],
     )
     return folder, photo, {path.stem: cv2.imread(str(path)) for path in folder.glob("*.png")}
@@ -132,7 +132,7 @@ def test_the_saved_strokes_hold_the_strokes_and_the_sliders(session):
     np.testing.assert_allclose(tree.branches_px[0][[0, -1]], expected[[0, -1]], atol=1)  # a pixel of the screen
     chosen = strokes.choices
     assert (chosen.gravity, chosen.density, chosen.leaf_length_m, chosen.seed) == (0.6, 0.4, 0.12, 3)
-    assert (folder / "early.json").read_bytes() == photo.with_name("oak tree.strokes.json").read_bytes()
+    assert (folder / "copy.json").read_bytes() == photo.with_name("oak tree.strokes.json").read_bytes()
 
 
 def test_the_command_makes_the_same_bytes_of_the_saved_strokes(session):
@@ -149,7 +149,7 @@ def test_the_command_makes_the_same_bytes_of_the_saved_strokes(session):
 
 def test_strokes_beside_the_photograph_are_loaded_and_others_take_their_place(session, tmp_path):
     folder, photo, _ = session
-    other = json.loads((folder / "early.json").read_text())
+    other = json.loads((folder / "copy.json").read_text())
     other["settings"] = {"depth": 1.5}
     (folder / "other.json").write_text(json.dumps(other))
     play(
@@ -163,7 +163,7 @@ def test_strokes_beside_the_photograph_are_loaded_and_others_take_their_place(se
             *[{"key": "Ctrl+S"}, {"message": "a tree has no crown yet"}],
         ],
     )
-    assert (tmp_path / "as_loaded.json").read_bytes() == (folder / "early.json").read_bytes()
+    assert (tmp_path / "as_loaded.json").read_bytes() == (folder / "copy.json").read_bytes()
     assert read_strokes(tmp_path / "other.json").choices.table == {"depth": 1.5}
 
 

@@ -55,17 +55,26 @@ def test_strokes_are_traced_roughly_at_once_and_then_exactly(drawn, tmp_path):
 def test_another_branch_of_the_same_crown_is_traced_without_looking_for_leaves_again(drawn, tmp_path):
     session = DrawingSession(photo=drawn[1], color_space=None, work=tmp_path)
     replies: list[dict] = []
-    session.trace({"tree": tree_of(drawn, branches=[])}, lambda: True, replies.append)
-    session.trace({"tree": tree_of(drawn)}, lambda: True, replies.append)
-    assert [each["rough"] for each in replies] == [True, False, False]
-    assert [len(each["branches"]) for each in replies] == [0, 0, 1]
+    alone, with_trunk = {"tree": tree_of(drawn, branches=[])}, {"tree": tree_of(drawn)}
+    assert not session.trace(alone, replies.append)
+    assert not session.trace(with_trunk, replies.append)  # of the rough leaves
+    session.trace_exactly(with_trunk, lambda: True, replies.append)
+    assert session.trace(with_trunk, replies.append)
+    assert [each["rough"] for each in replies] == [True, True, False, False]
+    assert [len(each["branches"]) for each in replies] == [0, 1, 1, 1]
+    assert len(list(tmp_path.glob("*leaves.png"))) == 3  # the last few
+
+
+def test_leaves_that_nobody_waits_for_are_not_sent(drawn, tmp_path):
+    session = DrawingSession(photo=drawn[1], color_space=None, work=tmp_path)
+    session.trace_exactly({"tree": tree_of(drawn)}, lambda: False, pytest.fail)
 
 
 def test_of_strokes_that_wait_the_last_is_traced(drawn, tmp_path):
-    orders = [{"id": number, "op": "trace", "tree": tree_of(drawn)} for number in range(1, 6)]
+    orders = [{"id": number, "op": "trace", "tree": tree_of(drawn)} for number in range(1, 9)]
     replies = ask(drawn, tmp_path, *orders)
-    assert replies[-1]["id"] == 5
-    assert {2, 3, 4}.isdisjoint(each["id"] for each in replies)
+    assert replies[-1]["id"] == 8
+    assert len({each["id"] for each in replies}) < 5
 
 
 def test_a_growth_that_is_stopped_ends(drawn, tmp_path):

@@ -18,6 +18,7 @@ traced. A growth stops where another one begins.
 """
 
 import json
+import shutil
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -67,6 +68,7 @@ Reply = Callable[[Mapping[str, Any]], None]
 
 DRAFT_FACES = 40_000  # of the surface of branches, of a tree in the window
 _ROUGH_PX = 12_000  # pixels of a crown's box, in which its leaves are looked for while somebody waits
+_KEPT = 3  # drafts, and pictures of leaves
 _STEP_S = 0.12  # between pictures of a tree that grows
 
 
@@ -98,7 +100,9 @@ class DrawingSession:
         self.linear = linear
         self.srgb = to_display(linear)
         self._found: _FoundFoliage | None = None
-        self._files = 0
+        self._rough: _FoundFoliage | None = None
+        self._files: dict[str, list[Path]] = {}
+        self._named = 0
 
     @property
     def head(self) -> dict[str, Any]:
@@ -106,9 +110,18 @@ class DrawingSession:
         return {"image": self.photo.path.name, "width": self.photo.width_px, "height": self.photo.height_px}
 
     def next_path(self, name: str) -> Path:
-        """A file or folder in the work folder that was not there yet."""
-        self._files += 1
-        return self.work / f"{self._files:04d}_{name}"
+        """A new file or folder in the work folder. Of those of a name the last few stay, which the window reads."""
+        self._named += 1
+        path = self.work / f"{self._named:05d}_{name}"
+        before = self._files.setdefault(name, [])
+        before.append(path)
+        while len(before) > _KEPT:
+            old = before.pop(0)
+            if old.is_dir():
+                shutil.rmtree(old, ignore_errors=True)
+            else:
+                old.unlink(missing_ok=True)
+        return path
 
     def parse(self, strokes: Any) -> Strokes:
         """Strokes of the window; CaptureError where they are none."""
@@ -116,39 +129,50 @@ class DrawingSession:
         check_strokes(found, self.photo.width_px, self.photo.height_px, "of the drawing")
         return found
 
-    def trace(self, order: Mapping[str, Any], is_awaited: Callable[[], bool], reply: Reply) -> None:
-        """Find the leaves and branches of one tree: where its crown is new with rough leaves at once, then exactly."""
+    def trace(self, order: Mapping[str, Any], reply: Reply) -> bool:
+        """Find the leaves and branches of one tree at once; whether the leaves are those that a tree grows of.
+
+        Those of a new crown are looked for in a small picture.
+        """
         begun = time.perf_counter()
+        strokes, settings = self._strokes_of(order)
+        if strokes is None:
+            reply({"foliage": "", "branches": [], "rough": False, "seconds": 0.0})
+            return True
+        foliage = _recall(self._found, strokes, settings.seed)
+        is_exact = foliage is not None
+        if foliage is None:
+            foliage = _recall(self._rough, strokes, settings.seed)
+        if foliage is None:
+            small = replace(settings.foliage, max_pixels=_ROUGH_PX, rounds=1)
+            foliage = foliage_of_strokes(self.srgb, strokes, mixture_seeds(settings)[0], small)
+            self._rough = _FoundFoliage(strokes=strokes, seed=settings.seed, foliage=foliage)
+        traced = self._show_traced(strokes, foliage, settings)
+        reply({**traced, "rough": not is_exact, "seconds": time.perf_counter() - begun})
+        return is_exact
+
+    def trace_exactly(self, order: Mapping[str, Any], is_awaited: Callable[[], bool], reply: Reply) -> None:
+        """As trace, with the leaves that a tree grows of; without a reply where nobody waits for it any more."""
+        begun = time.perf_counter()
+        strokes, settings = self._strokes_of(order)
+        if strokes is None or not is_awaited():
+            return
+        foliage = _recall(self._found, strokes, settings.seed)
+        if foliage is None:
+            foliage = foliage_of_strokes(self.srgb, strokes, mixture_seeds(settings)[0], settings.foliage)
+            self._found = _FoundFoliage(strokes=strokes, seed=settings.seed, foliage=foliage)
+        if is_awaited():
+            traced = self._show_traced(strokes, foliage, settings)
+            reply({**traced, "rough": False, "seconds": time.perf_counter() - begun})
+
+    def _strokes_of(self, order: Mapping[str, Any]) -> tuple[TreeStrokes | None, SketchSettings]:
+        """Strokes in pixels of the work picture, None without a crown, and the settings with the window's seed."""
         tree, seed = order["tree"], int(order.get("settings", {}).get("seed", self.settings.tree.seed))
+        settings = replace(self.settings.tree, seed=seed)
         crown, branches = _points(tree["crown"]), [_points(line) for line in tree["branches"]]
         if len(crown) < 3:
-            reply({"foliage": "", "branches": [], "rough": False, "seconds": 0.0})
-            return
-        strokes = scale_strokes(TreeStrokes(crown_px=crown, branches_px=tuple(branches)), self.shrunk)
-        settings = replace(self.settings.tree, seed=seed)
-        known = self._recall_foliage(strokes, seed)
-        if known is None:
-            small = replace(settings.foliage, max_pixels=_ROUGH_PX)
-            rough = foliage_of_strokes(self.srgb, strokes, mixture_seeds(settings)[0], small)
-            traced = self._show_traced(strokes, rough, settings)
-            reply({**traced, "rough": True, "seconds": time.perf_counter() - begun})
-            if not is_awaited():
-                return
-            begun = time.perf_counter()
-            known = foliage_of_strokes(self.srgb, strokes, mixture_seeds(settings)[0], settings.foliage)
-            self._found = _FoundFoliage(strokes=strokes, seed=seed, foliage=known)
-        reply({**self._show_traced(strokes, known, settings), "rough": False, "seconds": time.perf_counter() - begun})
-
-    def _recall_foliage(self, strokes: TreeStrokes, seed: int) -> Foliage | None:
-        """The leaves that were found last, where they are those of these strokes."""
-        found = self._found
-        if found is None or found.seed != seed or not np.array_equal(found.strokes.crown_px, strokes.crown_px):
-            return None
-        # Strokes of branches decide whether what is thin is leaves.
-        same = len(found.strokes.branches_px) == len(strokes.branches_px) and all(
-            map(np.array_equal, found.strokes.branches_px, strokes.branches_px)
-        )
-        return found.foliage if same or not found.foliage.is_thin else None
+            return None, settings
+        return scale_strokes(TreeStrokes(crown_px=crown, branches_px=tuple(branches)), self.shrunk), settings
 
     def _show_traced(self, strokes: TreeStrokes, foliage: Foliage, settings: SketchSettings) -> dict[str, Any]:
         """Leaves as a picture and branches as lines, for the window."""
@@ -171,7 +195,7 @@ class DrawingSession:
             check()
             reply({"step": step, "share": share})
 
-        known = self._recall_foliage(tree, settings.tree.seed)
+        known = _recall(self._found, tree, settings.tree.seed)
         model = model_tree(self.linear, tree, settings, {}, report, _show_growth(scale_m, check, reply), known)
         folder = self.next_path("draft")
         folder.mkdir()
@@ -266,14 +290,17 @@ def answer_drawing(session: DrawingSession, requests: BinaryIO, replies: BinaryI
             raise _StoppedError
 
     def trace(order: Mapping[str, Any], number: int, reply: Reply) -> None:
-        if latest["trace"] == number:
-            session.trace(order, lambda: latest["trace"] == number, reply)
+        if latest["trace"] == number and not session.trace(order, reply):
+            finder.submit(run, number, partial(find, order, number))
+
+    def find(order: Mapping[str, Any], number: int, reply: Reply) -> None:
+        session.trace_exactly(order, lambda: latest["trace"] == number, reply)
 
     def grow(order: Mapping[str, Any], number: int, reply: Reply) -> None:
         check(number)
         session.grow(order["strokes"], int(order["tree"]), lambda: check(number), reply)
 
-    with ThreadPoolExecutor(1) as tracer, ThreadPoolExecutor(1) as grower:
+    with ThreadPoolExecutor(1) as grower, ThreadPoolExecutor(1) as finder, ThreadPoolExecutor(1) as tracer:
         for line in requests:
             try:
                 order = json.loads(line)
@@ -296,6 +323,17 @@ def answer_drawing(session: DrawingSession, requests: BinaryIO, replies: BinaryI
             else:
                 run(number, partial(session.answer_briefly, order))
         latest["grow"] = -1
+
+
+def _recall(found: _FoundFoliage | None, strokes: TreeStrokes, seed: int) -> Foliage | None:
+    """The leaves that were found, where they are those of these strokes."""
+    if found is None or found.seed != seed or not np.array_equal(found.strokes.crown_px, strokes.crown_px):
+        return None
+    # Strokes of branches decide whether what is thin is leaves.
+    same = len(found.strokes.branches_px) == len(strokes.branches_px) and all(
+        map(np.array_equal, found.strokes.branches_px, strokes.branches_px)
+    )
+    return found.foliage if same or not found.foliage.is_thin else None
 
 
 def _points(listed: Any) -> NDArray[np.float64]:

@@ -29,8 +29,8 @@ class Slider:
     low: float
     high: float
     default: float
-    least: float  # that may be typed
-    greatest: float
+    lowest: float  # that may be typed
+    highest: float
     decimals: int = 2
     unit: str = ""
     tip: str = ""
@@ -46,8 +46,8 @@ def sliders_of(settings: SketchModelSettings) -> tuple[Slider, ...]:
             low=0.5,
             high=40,
             default=tree.height_m,
-            least=0.01,
-            greatest=1000,
+            lowest=0.01,
+            highest=1000,
             decimals=1,
             unit=" m",
             tip="From the root to the top",
@@ -58,8 +58,8 @@ def sliders_of(settings: SketchModelSettings) -> tuple[Slider, ...]:
             low=0.1,
             high=3,
             default=settings.density,
-            least=MIN_DENSITY,
-            greatest=MAX_DENSITY,
+            lowest=MIN_DENSITY,
+            highest=MAX_DENSITY,
             tip="So many times the leaves of the species",
         ),
         Slider(
@@ -68,8 +68,8 @@ def sliders_of(settings: SketchModelSettings) -> tuple[Slider, ...]:
             low=0.2,
             high=2.5,
             default=tree.depth,
-            least=0.1,
-            greatest=5,
+            lowest=0.1,
+            highest=5,
             tip="The crown is deeper than it is wide by this factor",
         ),
         Slider(
@@ -78,8 +78,8 @@ def sliders_of(settings: SketchModelSettings) -> tuple[Slider, ...]:
             low=-1,
             high=1,
             default=tree.growth.gravity,
-            least=-1,
-            greatest=1,
+            lowest=-1,
+            highest=1,
             tip="Branches that the photograph does not show hang at 1 and rise at -1",
         ),
         Slider(
@@ -88,8 +88,8 @@ def sliders_of(settings: SketchModelSettings) -> tuple[Slider, ...]:
             low=0.01,
             high=0.3,
             default=settings.leaf_length_m or settings.species.leaf_length_m,
-            least=0.001,
-            greatest=MAX_LEAF_M,
+            lowest=0.001,
+            highest=MAX_LEAF_M,
             decimals=3,
             unit=" m",
             tip="Mean length of a leaf",
@@ -100,8 +100,8 @@ def sliders_of(settings: SketchModelSettings) -> tuple[Slider, ...]:
             low=0,
             high=999,
             default=tree.seed,
-            least=0,
-            greatest=2**31 - 1,
+            lowest=0,
+            highest=2**31 - 1,
             decimals=0,
             tip="Another number gives another tree of the same strokes",
         ),
