@@ -224,8 +224,8 @@ class DrawingWindow(QtWidgets.QMainWindow):
         if self.canvas.selected is not None:
             return "Delete removes the stroke that is chosen"
         if self._grown is None or (self._grown.tree != tree and not self._grows):
-            return "G grows the tree. More branches: right button. Another crown: left button. Click and Delete: remove"
-        return "Sliders change the tree. Wheel zooms, middle button moves the photograph. Ctrl+S saves the strokes"
+            return "G grows the tree. Right button: more branches. Delete: removes a stroke"
+        return "Sliders change the tree. Ctrl+S saves the strokes, Ctrl+E the asset"
 
     # Tracing
 

@@ -28,6 +28,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -67,7 +68,8 @@ from usdfoliage.sketch.strokes import (
 Reply = Callable[[Mapping[str, Any]], None]
 
 DRAFT_FACES = 40_000  # of the surface of branches, of a tree in the window
-_ROUGH_PX = 12_000  # pixels of a crown's box, in which its leaves are looked for while somebody waits
+_QUICK_PX = 500  # longer side of the picture that strokes are traced in while somebody waits
+_ROUGH_PX = 8_000  # pixels of a crown's box, in which its leaves are looked for then
 _KEPT = 3  # drafts, and pictures of leaves
 _STEP_S = 0.12  # between pictures of a tree that grows
 
@@ -99,6 +101,9 @@ class DrawingSession:
         linear, self.shrunk = work_picture(self.photo.linear)
         self.linear = linear
         self.srgb = to_display(linear)
+        self._quick_scale = min(1.0, _QUICK_PX / max(self.srgb.shape[:2]))
+        width, height = (max(1, round(side * self._quick_scale)) for side in self.srgb.shape[1::-1])
+        self._quick = cv2.resize(self.srgb, (width, height), interpolation=cv2.INTER_AREA).astype(np.uint8)
         self._found: _FoundFoliage | None = None
         self._rough: _FoundFoliage | None = None
         self._files: dict[str, list[Path]] = {}
@@ -130,24 +135,21 @@ class DrawingSession:
         return found
 
     def trace(self, order: Mapping[str, Any], reply: Reply) -> bool:
-        """Find the leaves and branches of one tree at once; whether the leaves are those that a tree grows of.
-
-        Those of a new crown are looked for in a small picture.
-        """
+        """Find the leaves and branches of one tree at once, in a small picture; whether nothing exacter is to come."""
         begun = time.perf_counter()
         strokes, settings = self._strokes_of(order)
         if strokes is None:
             reply({"foliage": "", "branches": [], "rough": False, "seconds": 0.0})
             return True
-        foliage = _recall(self._found, strokes, settings.seed)
-        is_exact = foliage is not None
+        small = scale_strokes(strokes, self._quick_scale)
+        known = _recall(self._found, strokes, settings.seed)
+        foliage = _recall(self._rough, small, settings.seed) if known is None else _shrink(known, self._quick)
         if foliage is None:
-            foliage = _recall(self._rough, strokes, settings.seed)
-        if foliage is None:
-            small = replace(settings.foliage, max_pixels=_ROUGH_PX, rounds=1)
-            foliage = foliage_of_strokes(self.srgb, strokes, mixture_seeds(settings)[0], small)
-            self._rough = _FoundFoliage(strokes=strokes, seed=settings.seed, foliage=foliage)
-        traced = self._show_traced(strokes, foliage, settings)
+            rough = replace(settings.foliage, max_pixels=_ROUGH_PX, rounds=1)
+            foliage = foliage_of_strokes(self._quick, small, mixture_seeds(settings)[0], rough)
+            self._rough = _FoundFoliage(strokes=small, seed=settings.seed, foliage=foliage)
+        traced = self._show_traced(self._quick, self._quick_scale, small, foliage, settings)
+        is_exact = known is not None and self._quick_scale == 1
         reply({**traced, "rough": not is_exact, "seconds": time.perf_counter() - begun})
         return is_exact
 
@@ -162,7 +164,7 @@ class DrawingSession:
             foliage = foliage_of_strokes(self.srgb, strokes, mixture_seeds(settings)[0], settings.foliage)
             self._found = _FoundFoliage(strokes=strokes, seed=settings.seed, foliage=foliage)
         if is_awaited():
-            traced = self._show_traced(strokes, foliage, settings)
+            traced = self._show_traced(self.srgb, 1.0, strokes, foliage, settings)
             reply({**traced, "rough": False, "seconds": time.perf_counter() - begun})
 
     def _strokes_of(self, order: Mapping[str, Any]) -> tuple[TreeStrokes | None, SketchSettings]:
@@ -174,14 +176,21 @@ class DrawingSession:
             return None, settings
         return scale_strokes(TreeStrokes(crown_px=crown, branches_px=tuple(branches)), self.shrunk), settings
 
-    def _show_traced(self, strokes: TreeStrokes, foliage: Foliage, settings: SketchSettings) -> dict[str, Any]:
-        """Leaves as a picture and branches as lines, for the window."""
+    def _show_traced(
+        self,
+        srgb: NDArray[np.uint8],
+        scale: float,
+        strokes: TreeStrokes,
+        foliage: Foliage,
+        settings: SketchSettings,
+    ) -> dict[str, Any]:
+        """Leaves as a picture and branches as lines, for the window; scale: of srgb in the work picture."""
         file = self.next_path("leaves.png")
         write_picture(file, (255 * foliage.mask).astype(np.uint8))
         branches = []
         if strokes.branches_px:
-            traced = trace_strokes(self.srgb, strokes, foliage, settings)
-            branches = [np.round(each.points_px / self.shrunk, 1).tolist() for each in traced.branches]
+            traced = trace_strokes(srgb, strokes, foliage, settings)
+            branches = [np.round(each.points_px / (scale * self.shrunk), 1).tolist() for each in traced.branches]
         return {"foliage": str(file), "branches": branches}
 
     def grow(self, drawn: Any, number: int, check: Callable[[], None], reply: Reply) -> None:
@@ -334,6 +343,16 @@ def _recall(found: _FoundFoliage | None, strokes: TreeStrokes, seed: int) -> Fol
         map(np.array_equal, found.strokes.branches_px, strokes.branches_px)
     )
     return found.foliage if same or not found.foliage.is_thin else None
+
+
+def _shrink(foliage: Foliage, srgb: NDArray[np.uint8]) -> Foliage:
+    """The same leaves in a smaller picture."""
+    size = srgb.shape[1::-1]
+    mask, inside = (
+        np.asarray(cv2.resize(each.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.5)
+        for each in (foliage.mask, foliage.inside)
+    )
+    return replace(foliage, mask=mask, inside=inside)
 
 
 def _points(listed: Any) -> NDArray[np.float64]:
