@@ -223,9 +223,7 @@ class SketchStageSettings:
             raise ValueError(
                 f"leaf_length_m must be above 0 and at most {MAX_LEAF_LENGTH_M:g}, not {self.leaf_length_m:g}"
             )
-        SketchSettings(
-            height_m=self.height_m, depth=self.depth, growth=SketchGrowthSettings(gravity=self.gravity)
-        )
+        SketchSettings(height_m=self.height_m, depth=self.depth, growth=SketchGrowthSettings(gravity=self.gravity))
         SketchModelSettings(density=self.density)
 
 

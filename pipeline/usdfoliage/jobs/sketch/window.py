@@ -14,7 +14,7 @@ from usdfoliage.jobs.preview.recorder import find_interpreter
 from usdfoliage.jobs.preview.viewer import ViewerSettings
 from usdfoliage.jobs.preview.window import read_script, require_display, run_window
 from usdfoliage.jobs.report.pictures import write_picture
-from usdfoliage.jobs.sketch.model import MAX_DENSITY, MAX_LEAF_M, MIN_DENSITY, SketchModelSettings
+from usdfoliage.jobs.sketch.model import MAX_DENSITY, MAX_LEAF_LENGTH_M, MIN_DENSITY, SketchModelSettings
 from usdfoliage.jobs.sketch.session import DrawingSession, answer_drawing
 from usdfoliage.remarks import RenderSetting, as_plan_setting
 from usdfoliage.sketch.strokes import check_strokes, format_strokes, read_strokes, strokes_beside
@@ -89,7 +89,7 @@ def sliders_of(settings: SketchModelSettings) -> tuple[Slider, ...]:
             high=0.3,
             default=settings.leaf_length_m or settings.species.leaf_length_m,
             lowest=0.001,
-            highest=MAX_LEAF_M,
+            highest=MAX_LEAF_LENGTH_M,
             decimals=3,
             unit=" m",
             tip="Mean length of a leaf",

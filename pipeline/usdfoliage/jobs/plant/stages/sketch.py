@@ -11,11 +11,11 @@ from usdfoliage.branch.motion.sway import SwaySettings
 from usdfoliage.jobs.branches.motion import BranchMotion
 from usdfoliage.jobs.plant.asset_facts import AssetFacts, write_asset_facts
 from usdfoliage.jobs.plant.call import StageCall
+from usdfoliage.jobs.plant.settings import SketchStageSettings
 from usdfoliage.jobs.plant.stages.assemble import ASSET_FOLDER, provenance_of
 from usdfoliage.jobs.plant.stages.asset_pictures import AssetDrawing
 from usdfoliage.jobs.plant.stages.models import REPORT_FOLDER
 from usdfoliage.jobs.plant.stages.parts import known_species, remark_unknown_species
-from usdfoliage.jobs.plant.settings import SketchStageSettings
 from usdfoliage.jobs.plant.store import ResultFile
 from usdfoliage.jobs.plant.summary import StagePicture, StageSummary, write_summary
 from usdfoliage.jobs.sketch.model import HAS_LEAVES, SketchModelSettings
