@@ -15,7 +15,7 @@ from usdfoliage.cli import build
 from usdfoliage.errors import PreviewError
 from usdfoliage.jobs.plant import tasks
 from usdfoliage.jobs.plant.pages.pictures import DrawnComparisons
-from usdfoliage.jobs.plant.stages import assemble
+from usdfoliage.jobs.plant.stages import asset_pictures
 from usdfoliage.jobs.plant.stages import report as report_stage
 from usdfoliage.jobs.plant.summary import read_summary
 
@@ -261,7 +261,7 @@ def test_the_printed_plan_is_read_back_and_has_comments(run: Run, tmp_path: Path
         (["CAPTURE", "-o", "fern", "--jobs", "2", "--scheduler", "tcp://127.0.0.1:1"], "name one of them"),
         (["CAPTURE", "-o", "fern", "--plan", "absent.toml"], "absent.toml"),
         (["CAPTURE", "-o", "fern", "--seed", "-1"], "seed must be 0 or more"),
-        (["PLAN", "-o", "fern"], "neither a folder nor a video nor a point cloud"),
+        (["PLAN", "-o", "fern"], "neither a folder nor a photograph nor a video nor a point cloud"),
     ],
 )
 def test_impossible_arguments_are_reported_in_one_line(
@@ -337,7 +337,7 @@ def test_pictures_that_storm_did_not_draw_are_tried_again(
     with monkeypatch.context() as patch:
         for name in ("draw_turntable", "draw_variants", "draw_comparisons"):
             patch.setattr(report_stage, name, fail)
-        patch.setattr(assemble, "draw_asset_pictures", fail)
+        patch.setattr(asset_pictures, "draw_asset_pictures", fail)
         code, out, err = run(*command)
     assert code == 0, err
     assert "warning: there are no pictures of the asset: Storm drew nothing" in out
@@ -345,7 +345,7 @@ def test_pictures_that_storm_did_not_draw_are_tried_again(
     for name in ("draw_turntable", "draw_variants"):
         monkeypatch.setattr(report_stage, name, lambda *_, **__: [])
     monkeypatch.setattr(report_stage, "draw_comparisons", lambda *_, **__: DrawnComparisons())
-    monkeypatch.setattr(assemble, "draw_asset_pictures", lambda *_, **__: None)
+    monkeypatch.setattr(asset_pictures, "draw_asset_pictures", lambda *_, **__: None)
     code, out, _ = run(*command)
     assert code == 0
     assert "5 done now" in out  # the asset, three kinds of pictures, the report
