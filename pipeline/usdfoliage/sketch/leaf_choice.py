@@ -56,7 +56,8 @@ def fit_leaves(
     if seen.any():
         hidden = np.flatnonzero(~seen)
         count = min(_NEIGHBOURS, int(seen.sum()))
-        near = np.asarray(cKDTree(middle[seen, :2]).query(middle[hidden, :2], k=count)[1]).reshape(len(hidden), -1)
+        found = np.asarray(cKDTree(middle[seen, :2]).query(middle[hidden, :2], k=count)[1])
+        near = found.reshape(len(hidden), count)
         drawn = near[np.arange(len(hidden)), rng.integers(near.shape[1], size=len(hidden))]
         color[hidden] = color[np.flatnonzero(seen)[drawn]]
     return FittingLeaves(kept=kept, seen=seen, color=color)

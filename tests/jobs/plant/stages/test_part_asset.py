@@ -64,6 +64,7 @@ def call_for(part: str, folder: Path) -> SimpleNamespace:
         settings=BuildSettings(),
         request=SimpleNamespace(name="fern", capture=Path("fern")),
         task=SimpleNamespace(needs=(part,)),
+        has=lambda name: name == part,
         result_of=lambda name: folder / name,
     )
 

@@ -59,6 +59,7 @@ def test_the_plant_is_compared_by_the_masks_that_it_is_made_by(
         store=SimpleNamespace(folder=tmp_path),
         has=lambda name: name in results,
         result_of=lambda name: results[name],
+        asset_result=results["asset"],
     )
     assert report_stage.compare_plant(call) == ()
     assert [capture.folder for capture in seen] == [results[stage] / "capture" / "fern"]
@@ -81,7 +82,11 @@ def test_no_pictures_are_tried_of_an_asset_whose_first_took_too_long(
     )
     monkeypatch.setattr(report_stage, "draw_turntable", lambda *_: pytest.fail("it was drawn"))
     call: Any = SimpleNamespace(
-        out=results["turntable"], settings=BuildSettings(), report_parts=None, result_of=lambda name: results[name]
+        out=results["turntable"],
+        settings=BuildSettings(),
+        report_parts=None,
+        result_of=lambda name: results[name],
+        asset_result=results["asset"],
     )
     assert report_stage.turn_plant(call) == ()
     summary = read_summary(results["turntable"])
