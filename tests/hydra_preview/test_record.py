@@ -140,7 +140,7 @@ def test_views_of_one_start_show_what_each_asks_for(tmp_path):
         with choices.GetVariantEditContext():
             define_mesh(stage, "/Thing/Card", corners, face).CreateDisplayColorAttr([color])
     choices.SetVariantSelection("red")
-    proxy = define_mesh(stage, "/Thing/Proxy", 2 * corners, face)
+    proxy = define_mesh(stage, "/Thing/Proxy", 2 * corners - [0, 0, 0.1], face)  # in one plane, either may be in front
     proxy.CreateDisplayColorAttr([(0, 0.8, 0)])
     proxy.CreatePurposeAttr("proxy")
     stage.Save()
