@@ -74,9 +74,10 @@ def add_tree(drawing: Drawing) -> Drawing:
     return replace(drawing, trees=(*drawing.trees, DrawnTree()), current=len(drawing.trees))
 
 
-def choose_value(drawing: Drawing, name: str, value: float) -> Drawing:
-    """With a slider moved."""
-    return replace(drawing, values=tuple(sorted({**dict(drawing.values), name: value}.items())))
+def choose_value(drawing: Drawing, name: str, value: float | None) -> Drawing:
+    """With a slider moved; None: with none of this name any more."""
+    values = {**dict(drawing.values), name: value}
+    return replace(drawing, values=tuple(sorted((each, v) for each, v in values.items() if v is not None)))
 
 
 def list_strokes(tree: DrawnTree) -> list[tuple[Stroke, Line]]:

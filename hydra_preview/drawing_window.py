@@ -173,9 +173,11 @@ class DrawingWindow(QtWidgets.QMainWindow):
     def _add_stroke(self, kind: str, line: tuple) -> None:
         self._change(draw_stroke(self.drawing, kind, line))
 
-    def _choose(self, name: str, value: float) -> None:
+    def _choose(self, name: str, value: float | None) -> None:
         before = self.drawing
-        self._change(choose_value(before, name, round(value) if name == "seed" else value), traces=False)
+        if name == "seed" and value is not None:
+            value = round(value)
+        self._change(choose_value(before, name, value), traces=False)
         if self.drawing != before and self._grown is not None:
             self.grow()
 

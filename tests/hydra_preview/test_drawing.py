@@ -81,6 +81,7 @@ def test_what_is_saved_is_known_after_undo_too():
 
 
 def test_values_are_part_of_the_drawing_and_of_its_file():
+    assert not d.choose_value(d.choose_value(drawn((d.CROWN, CROWN)), "seed", 3), "seed", None).values
     drawing = d.choose_value(d.choose_value(drawn((d.CROWN, CROWN)), "seed", 3), "depth", 1.5)
     strokes = d.to_strokes(drawing, HEAD)
     assert strokes["settings"] == {"depth": 1.5, "seed": 3}

@@ -84,6 +84,8 @@ def session(display, tmp_path_factory):
             picture("wrong"),
             *[{"key": "Ctrl+Z"}, picture("undone"), {"key": "Ctrl+Shift+Z"}, picture("redone")],
             *[{"click": [80, 90]}, picture("chosen"), {"key": "Del"}, {"hover": [10, 390]}, picture("deleted")],
+            *[{"slide": {"leaf_length_m": 400}}, {"value": {"leaf_length_m": 0}}],  # and back to auto
+            {"save_strokes": str(folder / "auto.json")},
             *[{"slide": {"gravity": 800}}, {"value": {"density": 0.4, "leaf_length_m": 0.12, "seed": 3}}],
             *[{"turning": False}, {"grow": str(folder / "growing.png")}, picture("grown")],
             *[{"turning": True}, {"turn": 3}, {"turning": False}, picture("turned")],
@@ -132,6 +134,7 @@ def test_the_saved_strokes_hold_the_strokes_and_the_sliders(session):
     np.testing.assert_allclose(tree.branches_px[0][[0, -1]], expected[[0, -1]], atol=1)  # a pixel of the screen
     chosen = strokes.choices
     assert (chosen.gravity, chosen.density, chosen.leaf_length_m, chosen.seed) == (0.6, 0.4, 0.12, 3)
+    assert not read_strokes(folder / "auto.json").choices.table
     assert (folder / "copy.json").read_bytes() == photo.with_name("oak tree.strokes.json").read_bytes()
 
 

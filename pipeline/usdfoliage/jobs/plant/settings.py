@@ -207,7 +207,7 @@ class SketchStageSettings:
     density: float = SketchModelSettings.density
     # on gives the tree leaves; off gives it none; auto gives it leaves where the photograph shows them.
     leaves: MakeSketchLeaves = "auto"
-    # The leaves have this mean length; auto takes that of the species. Unit: metres. Range: above 0, to 10.
+    # The leaves have this mean length; auto takes that of the photograph. Unit: metres. Range: above 0, to 10.
     leaf_length_m: float | None = None
     max_leaves: int = SketchModelSettings.max_leaves  # The tree has at most this many leaves. Range: 1 to 1000000.
     crown: bool = True  # true gives the tree a crown for the distance.

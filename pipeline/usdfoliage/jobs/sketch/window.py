@@ -28,7 +28,7 @@ class Slider:
     label: str
     low: float
     high: float
-    default: float
+    default: float | None  # None: the tree has its own, which the window calls auto
     lowest: float  # that may be typed
     highest: float
     decimals: int = 2
@@ -87,12 +87,12 @@ def sliders_of(settings: SketchModelSettings) -> tuple[Slider, ...]:
             label="Leaf length",
             low=0.01,
             high=0.3,
-            default=settings.leaf_length_m or settings.species.leaf_length_m,
+            default=settings.leaf_length_m,
             lowest=0.001,
             highest=MAX_LEAF_LENGTH_M,
             decimals=3,
             unit=" m",
-            tip="Mean length of a leaf",
+            tip="Mean length of a leaf; auto takes that of the photograph",
         ),
         Slider(
             name="seed",
