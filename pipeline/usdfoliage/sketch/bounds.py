@@ -23,6 +23,7 @@ _NEAREST = 4  # points of the inflated surface, whose mean height is taken
 _CLOSED = 0.05  # of the crown's width, gaps of the leaves that are inside
 _DRAWN_OUTSIDE = 0.04  # of the crown's width, that a stroke is drawn outside of twigs
 _NARROW = 0.01  # of the crown's width, half of gaps that are as leaves
+_DEEPER = (1.0, 1.5)  # times the inflated surface
 _SHALLOW = 0.15  # of the crown's width: half of the depth at least, where a shoot leaves the inflated surface
 
 
@@ -78,14 +79,28 @@ def bound_crown(leaves: NDArray[np.bool_], depth: float = 1.0, drawn: NDArray[np
     if drawn is not None:
         away = cv2.distanceTransform(drawn.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
         inside |= away > _DRAWN_OUTSIDE * width_px
+    inflated = _inflate(inside)
+    inflated *= _as_deep_as_wide(inside, inflated)
     return CrownBounds(
         # A leaf in space may cover a narrow gap.
         leaves=close_gaps(leaves, max(1, round(_NARROW * width_px))) & inside,
         inside=inside,
-        half_depth=np.where(inside, np.maximum(depth * _inflate(inside), _thinnest_depth(inside, width_px)), 0).astype(
+        half_depth=np.where(inside, np.maximum(depth * inflated, _thinnest_depth(inside, width_px)), 0).astype(
             np.float32
         ),
     )
+
+
+def _as_deep_as_wide(inside: NDArray[np.bool_], half_depth: Floats) -> float:
+    """A factor of the depth, by which the crown is on average as deep as it is wide, row by row.
+
+    A limb that stands out makes the silhouette wide, and is itself hardly inflated; on the other sides there are such
+    limbs too.
+    """
+    rows = inside.any(axis=1)
+    width = inside.shape[1] - inside[rows].argmax(axis=1) - inside[rows, ::-1].argmax(axis=1)
+    deep = 2 * float(half_depth.max(axis=1).sum())
+    return float(np.clip(width.sum() / deep, *_DEEPER)) if deep > 0 else 1.0
 
 
 def _thinnest_depth(inside: NDArray[np.bool_], width_px: float) -> NDArray[np.float32]:

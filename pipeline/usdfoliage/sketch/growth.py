@@ -347,7 +347,7 @@ def _places_in_space(bounds: CrownBounds, spacing: float, rng: np.random.Generat
         [
             column[drawn] + rng.random(wanted),
             -(row[drawn] + rng.random(wanted)),
-            deep[drawn] * rng.uniform(-1, 1, wanted),
+            deep[drawn] * np.cbrt(rng.uniform(-1, 1, wanted)),
         ]
     )
     return thin_out(places, spacing, rng)
