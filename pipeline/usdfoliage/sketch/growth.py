@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdfoliage.geometry.directions import unit_vectors
 from usdfoliage.progress import Progress
 from usdfoliage.sketch.axes import Axis, sample_axis
 from usdfoliage.sketch.bounds import CrownBounds
@@ -23,6 +24,8 @@ Floats = NDArray[np.float64]
 Watch = Callable[[Sequence[Axis]], None]  # called with a tree that grows, after each step
 
 _HANGING = 1.5  # by which full gravity turns the end of a new branch, as a tangent of what was level
+_CARRIERS = 12  # places on branches that are compared for a shoot
+_BENDING = 1.0  # by which a shoot seems longer that leaves at a right angle
 _ARCHED = 0.4  # of a shoot's length, by which full gravity lifts its middle over its end
 
 
@@ -278,7 +281,7 @@ class _Growth:
             left = left[away > 0.7 * spacing]
             if not len(left):
                 break
-            gap, nearest = (np.asarray(each) for each in cKDTree(places).query(left))
+            gap, nearest = self._least_bent(left, owners, vertices, places)
             order = np.argsort(gap, kind="stable")
             reach = max(float(gap[order[len(order) // 4]]), 1.5 * spacing)
             chosen = order[gap[order] <= reach][: settings.max_shoots - added]
@@ -295,6 +298,22 @@ class _Growth:
         owners = np.concatenate([np.full(len(self.axes[n].points) - 1, n) for n in able])
         vertices = np.concatenate([np.arange(1, len(self.axes[n].points)) for n in able])
         return owners, vertices, np.concatenate([self.axes[n].points[1:] for n in able])
+
+    def _least_bent(
+        self, targets: Floats, owners: NDArray[np.int64], vertices: NDArray[np.int64], places: Floats
+    ) -> tuple[Floats, NDArray[np.int64]]:
+        """How far each target is from the carrier that a shoot to it leaves from, and which: near, and bent little."""
+        count = min(_CARRIERS, len(places))
+        gaps, near = (np.asarray(each).reshape(len(targets), count) for each in cKDTree(places).query(targets, count))
+        along = unit_vectors(
+            places
+            - np.stack([self.axes[n].points[v - 1] for n, v in zip(owners.tolist(), vertices.tolist(), strict=True)])
+        )
+        straight = unit_vectors(targets[:, None] - places[near])
+        cosine = (along[near] * straight).sum(axis=2)
+        best = (gaps * (1 + _BENDING * (1 - cosine))).argmin(axis=1)
+        row = np.arange(len(targets))
+        return gaps[row, best], near[row, best]
 
     def _in_space(self, targets: Floats) -> Floats:
         """(N, 3) targets of the picture, as deep as the branch that is nearest in the picture, or somewhat more."""

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import isotonic_regression
 
 from usdfoliage.sketch.axes import Axis
 from usdfoliage.sketch.drawing import arc_lengths
@@ -13,6 +15,10 @@ Floats = NDArray[np.float64]
 OF_PARENT = 0.75  # of its parent's radius, that a branch has where nothing else is known (section 2)
 TAPER = 0.35  # of its radius at the base, that a branch has at its tip
 TRUNK_TAPER = 0.12
+_UPPER = 0.9  # expectile of the widths that are seen: leaves and twigs before a trunk hide parts of it
+_ROUNDS = 12  # in which the weights of that expectile settle
+_PLACES = 129  # along a trunk, where its radius is smoothed
+_SMOOTH = 3.0  # of these places: standard deviation of the smoothing
 
 
 def find_radii(axes: Sequence[Axis], exponent: float | None, tip_px: float, stem_px: float) -> list[Floats]:
@@ -55,11 +61,24 @@ def _trunk_radius(axis: Axis, share: Floats, base: float, tip_px: float) -> Floa
     radius = base * (1 - (1 - TRUNK_TAPER) * share**0.9)
     known = np.flatnonzero(np.isfinite(axis.half))
     if len(known):
-        seen = np.interp(share, share[known], axis.half[known])
+        places = np.linspace(share[known[0]], share[known[-1]], _PLACES)
+        seen = _falling(np.interp(places, share[known], axis.half[known]))
         last = share[known[-1]]
         beyond = np.clip((share - last) / max(1 - last, 1e-9), 0, 1)
-        radius = seen * (1 - (1 - TRUNK_TAPER) * beyond)
+        radius = np.interp(share, places, seen) * (1 - (1 - TRUNK_TAPER) * beyond)
     return np.maximum(np.minimum.accumulate(radius), tip_px)
+
+
+def _falling(widths: Floats) -> Floats:
+    """(K,) what never grows, near the upper ones of widths along a trunk, and smooth.
+
+    An expectile: the sum of squares in which what is above counts more than what is below.
+    """
+    fitted = np.full(len(widths), widths.min())
+    for _ in range(_ROUNDS):
+        weight = np.where(widths > fitted, _UPPER, 1 - _UPPER)
+        fitted = np.asarray(isotonic_regression(widths, weights=weight, increasing=False).x)
+    return np.asarray(gaussian_filter1d(fitted, _SMOOTH, mode="nearest"))
 
 
 def _seen_at_root(axis: Axis) -> float:
