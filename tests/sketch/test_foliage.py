@@ -2,6 +2,7 @@
 
 import itertools
 
+import cv2
 import numpy as np
 import pytest
 from usdfoliage.sketch.foliage import fill_outline, find_foliage
@@ -71,6 +72,22 @@ def test_leaves_of_a_drawn_tree_are_found():
     assert not found.is_bare
     again = find_foliage(tree.srgb, tree.strokes.crown_px, 0)
     np.testing.assert_array_equal(found.mask, again.mask)
+
+
+def test_pixels_that_are_half_sky_are_not_pure():
+    """A fringe of fine leaves, through which the sky shows: it is of the tree, and its colours are not the leaves'."""
+    tree = draw_leafy()
+    sky = np.median(tree.srgb[:20], axis=(0, 1))
+    fringe = (cv2.dilate(tree.leaves.astype(np.uint8), np.ones((11, 11), np.uint8)) > 0) & ~tree.leaves
+    fringe &= np.arange(len(fringe))[:, None] < np.nonzero(tree.leaves)[0].mean()  # before the sky alone
+    leaf = tree.srgb[tree.leaves].mean(axis=0)
+    srgb = tree.srgb.copy()
+    srgb[fringe] = (0.55 * leaf + 0.45 * sky).round().astype(np.uint8)
+    found = find_foliage(srgb, tree.strokes.crown_px, 0)
+    assert found.mask[fringe].mean() > 0.8
+    assert found.pure[fringe].mean() < 0.1
+    assert found.pure[tree.leaves].mean() > 0.8
+    assert not (found.pure & ~found.mask).any()
 
 
 def test_twigs_alone_are_no_leaves():

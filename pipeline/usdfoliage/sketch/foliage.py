@@ -50,6 +50,7 @@ class FoliageCutSettings:
     steady: float = 0.01  # of the crown's size, the least spread of that margin
     min_share: float = 0.3  # of a pixel before the sky, which is leaves
     share_weight: float = 20.0  # energy of a whole pixel's share
+    pure_share: float = 0.8  # of a pixel, from which on its colour is that of leaves alone
     beside_sky: float = 0.3  # of the energy by colour, that is left where the share is known
     dense: float = 0.03  # of the crown's size, around a pixel, where it is asked how much is leaves
     filled: float = 4.0  # energy for leaves of a pixel, where all around it is leaves
@@ -73,6 +74,7 @@ class Foliage:
     """The leaves of a tree in its photograph."""
 
     mask: NDArray[np.bool_]  # (H, W)
+    pure: NDArray[np.bool_]  # (H, W), of these, where no sky is in the pixel's colour
     inside: NDArray[np.bool_]  # (H, W), the region of the stroke, dilated
     leaves: Mixture
     background: Mixture
@@ -146,13 +148,17 @@ def find_foliage(
             energy = np.where(behind.known, settings.beside_sky * energy + np.clip(mixed, -_SURE, _SURE), energy)
             drawn = _near_stroke(inner, measure_margin(stroke, labels, behind.pure, size), size, settings)
         labels = cut_pixels(energy - drawn - dense, right, down, inside)
-    mask, whole = np.zeros((height, width), bool), np.zeros((height, width), bool)
-    mask[y0:y1, x0:x1] = _enlarge(labels, (x1 - x0, y1 - y0))
-    whole[y0:y1, x0:x1] = _enlarge(inside, (x1 - x0, y1 - y0))
+    behind = share_of_tree(colors, sky, labels, size)
+    pure = labels & ~(behind.known & (behind.share < settings.pure_share))
+    mask, pure, whole = (
+        np.pad(_enlarge(part, (x1 - x0, y1 - y0)), ((y0, height - y1), (x0, width - x1)))
+        for part in (labels, pure, inside)
+    )
     mask &= whole
     is_thin = _is_thin(labels & inside)
     return Foliage(
         mask=mask,
+        pure=pure & mask,
         inside=whole,
         leaves=leaves,
         background=background,

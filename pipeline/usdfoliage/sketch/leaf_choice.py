@@ -33,6 +33,7 @@ def fit_leaves(
     bounds: CrownBounds,
     linear: NDArray[np.float32],
     mask: NDArray[np.bool_],
+    pure: NDArray[np.bool_],
     rng: np.random.Generator,
 ) -> FittingLeaves:
     """Choose leaves by the picture (section 4), and give each its colour there; behind, that of its neighbours.
@@ -44,13 +45,14 @@ def fit_leaves(
         bounds: Of the crown.
         linear: (H, W, 3), the photograph.
         mask: (H, W), its pixels that are leaves; colours are those of the nearest one, never of sky in a gap.
+        pure: (H, W), those of them in whose colour there is no sky.
         rng: For the hidden side.
     """
     places = [base + share * length[:, None] * along for share in _ALONG]
     kept = np.logical_and.reduce([bounds.shows_leaves(each) for each in places])
     middle = places[0]
     row, column, _ = bounds.rows_and_columns(middle)
-    nearest = _nearest_leaf(mask, linear)
+    nearest = _nearest_leaf(mask, pure, linear)
     color = linear[nearest[0][row, column], nearest[1][row, column]].astype(np.float64)
     seen = kept & (middle[:, 2] > -0.15 * bounds.half_depth[row, column])
     if seen.any():
@@ -63,11 +65,11 @@ def fit_leaves(
     return FittingLeaves(kept=kept, seen=seen, color=color)
 
 
-def _nearest_leaf(mask: NDArray[np.bool_], linear: NDArray[np.float32]) -> NDArray[np.int32]:
+def _nearest_leaf(mask: NDArray[np.bool_], pure: NDArray[np.bool_], linear: NDArray[np.float32]) -> NDArray[np.int32]:
     """(2, H, W) row and column of the nearest pixel of a leaf that sky neither borders on nor shines through."""
     chosen = mask
     inner = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    for purer in (inner, mask & (linear[..., 2] <= linear[..., :2].max(axis=2))):
+    for purer in (pure, inner, mask & (linear[..., 2] <= linear[..., :2].max(axis=2))):
         chosen = chosen & purer if (chosen & purer).sum() > _PURE * mask.sum() else chosen
     if not chosen.any():
         return np.indices(mask.shape, dtype=np.int32)

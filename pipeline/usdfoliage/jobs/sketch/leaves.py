@@ -116,6 +116,7 @@ def _choose_leaves(leaves: Leaves, tree: SketchedTree, linear: NDArray[np.float3
         tree.bounds,
         linear,
         tree.foliage.mask,
+        tree.foliage.pure,
         rng,
     )
     origin = np.where(fitting.seen, LeafOrigin.COMPLETED, LeafOrigin.OF_SPECIES).astype(np.int32)

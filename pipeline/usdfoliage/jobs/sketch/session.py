@@ -348,11 +348,11 @@ def _recall(found: _FoundFoliage | None, strokes: TreeStrokes, seed: int) -> Fol
 def _shrink(foliage: Foliage, srgb: NDArray[np.uint8]) -> Foliage:
     """The same leaves in a smaller picture."""
     size = srgb.shape[1::-1]
-    mask, inside = (
+    mask, pure, inside = (
         np.asarray(cv2.resize(each.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.5)
-        for each in (foliage.mask, foliage.inside)
+        for each in (foliage.mask, foliage.pure, foliage.inside)
     )
-    return replace(foliage, mask=mask, inside=inside)
+    return replace(foliage, mask=mask, pure=pure, inside=inside)
 
 
 def _points(listed: Any) -> NDArray[np.float64]:
