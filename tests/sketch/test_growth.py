@@ -185,7 +185,7 @@ def test_leaves_have_the_colours_of_leaves_and_never_of_the_sky(bounds):
     linear = np.where(mask[..., None], [0.1, 0.3, 0.05], [0.2, 0.4, 0.9]).astype(np.float32)
     base = np.column_stack([rng.uniform(40, 160, 500), -rng.uniform(40, 160, 500), rng.uniform(-60, 60, 500)])
     along = np.tile([0.0, 1.0, 0.0], (500, 1))
-    fitting = fit_leaves(base, along, np.full(500, 8.0), bounds, linear, mask, rng)
+    fitting = fit_leaves(base, along, np.full(500, 8.0), bounds, linear, mask, mask, rng)
     np.testing.assert_allclose(
         fitting.color[fitting.kept], np.tile([0.1, 0.3, 0.05], (fitting.kept.sum(), 1)), rtol=1e-6
     )
