@@ -15,7 +15,8 @@ Floats = NDArray[np.float64]
 OF_PARENT = 0.75  # of its parent's radius, that a branch has where nothing else is known (section 2)
 TAPER = 0.35  # of its radius at the base, that a branch has at its tip
 TRUNK_TAPER = 0.12
-_UPPER = 0.9  # expectile of the widths that are seen: leaves and twigs before a trunk hide parts of it
+_UPPER = 0.75  # expectile of the widths that are seen: leaves and twigs before a trunk hide parts of it
+_WIDEST = 1.6  # times the radius near the root; what is wider is a shadow, or a plant behind
 _ROUNDS = 12  # in which the weights of that expectile settle
 _PLACES = 129  # along a trunk, where its radius is smoothed
 _SMOOTH = 3.0  # of these places: standard deviation of the smoothing
@@ -62,7 +63,7 @@ def _trunk_radius(axis: Axis, share: Floats, base: float, tip_px: float) -> Floa
     known = np.flatnonzero(np.isfinite(axis.half))
     if len(known):
         places = np.linspace(share[known[0]], share[known[-1]], _PLACES)
-        seen = _falling(np.interp(places, share[known], axis.half[known]))
+        seen = _falling(np.interp(places, share[known], np.minimum(axis.half[known], _WIDEST * base)))
         last = share[known[-1]]
         beyond = np.clip((share - last) / max(1 - last, 1e-9), 0, 1)
         radius = np.interp(share, places, seen) * (1 - (1 - TRUNK_TAPER) * beyond)

@@ -84,6 +84,8 @@ def branch_odds(
 ) -> NDArray[np.float32]:
     """(H, W) logarithm of how much likelier a pixel's colour is under a stroke of a branch than elsewhere.
 
+    Below a crown of leaves the stem has colours of its own, and is compared with what is outside of the crown.
+
     Args:
         srgb: (H, W, 3), the photograph.
         strokes: Of the tree, at least one of a branch.
@@ -101,20 +103,41 @@ def branch_odds(
     visible = under > 0
     if foliage is not None and not foliage.is_thin and (visible & ~foliage.mask).sum() >= _FEW_PIXELS:
         visible &= ~foliage.mask  # leaves hide what the stroke goes on over
+    code, seen = _colors_once(srgb)
+
+    def odds_of(under: Mixture, elsewhere: NDArray[np.bool_]) -> NDArray[np.float32]:
+        other = fit_mixture(colors[elsewhere], settings.components, seed + 1)
+        odds = log_density(under, seen) - log_density(other, seen)
+        return np.asarray(np.clip(odds, -20, 20)[code].reshape(height, width), np.float32)
+
     branch = fit_mixture(colors[visible], settings.components, seed)
-    if foliage is not None and not foliage.is_bare:
-        apart = _distances(branch, foliage.leaves).min(axis=1) > settings.like_leaves
-        if branch.weight[apart].sum() < _FEW_COLORS:
-            return np.full((height, width), -20, np.float32)  # branches have no colours that leaves have not
-        branch = branch.only(apart)
-    other = fit_mixture(colors[beside == 0], settings.components, seed + 1)
-    # Of each colour once, to 2 of 255: a picture of a million pixels has some ten thousand.
+    if foliage is None or foliage.is_bare:
+        return odds_of(branch, beside == 0)
+    apart = _distances(branch, foliage.leaves).min(axis=1) > settings.like_leaves
+    if branch.weight[apart].sum() >= _FEW_COLORS:
+        found = odds_of(branch.only(apart), beside == 0)
+    else:
+        found = np.full((height, width), -20, np.float32)  # branches have no colours that leaves have not
+    outside = ~foliage.inside
+    stem, around = visible & outside, (beside == 0) & outside
+    if stem.sum() >= _FEW_PIXELS and around.sum() >= _FEW_PIXELS:
+        if np.median(found[stem]) < 0:  # what was seen between leaves was no branch
+            found[:] = -20
+        below = odds_of(fit_mixture(colors[stem], settings.components, seed), around)
+        # One bright spot of the bark would halve the thickness.
+        found[outside] = cv2.medianBlur(below, 5)[outside]
+    return found
+
+
+def _colors_once(srgb: NDArray[np.uint8]) -> tuple[NDArray[np.int64], Floats]:
+    """(H * W,) the number of each pixel's colour, and (K, 3) these colours, slightly blurred, to 2 of 255.
+
+    A picture of a million pixels has some ten thousand.
+    """
     smooth = (cv2.GaussianBlur(srgb, (0, 0), 0.6) >> 1).astype(np.int32)
     code = (smooth[..., 0] << 14) | (smooth[..., 1] << 7) | smooth[..., 2]
     codes, number = np.unique(code, return_inverse=True)
-    seen = 2.0 * np.stack([codes >> 14, codes >> 7 & 127, codes & 127], axis=-1) + 0.5
-    odds = log_density(branch, seen) - log_density(other, seen)
-    return np.clip(odds, -20, 20)[number].reshape(height, width).astype(np.float32)
+    return number.reshape(-1), 2.0 * np.stack([codes >> 14, codes >> 7 & 127, codes & 127], axis=-1) + 0.5
 
 
 def trace_tree(
