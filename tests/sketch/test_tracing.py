@@ -5,7 +5,7 @@ import pytest
 from usdfoliage.sketch.foliage import find_foliage
 from usdfoliage.sketch.tracing import branch_odds, trace_tree
 
-from tests.support.photographs.drawn_trees import draw_bare, draw_leafy
+from tests.support.photographs.drawn_trees import BARK, LEAF, draw_bare, draw_leafy
 
 
 def resampled(line, step=2.0):
@@ -64,3 +64,17 @@ def test_leaves_hide_what_a_stroke_goes_over():
     traced = trace_tree(branch_odds(tree.srgb, tree.strokes, foliage, 0), tree.strokes)
     assert len(traced.branches) == 1
     np.testing.assert_allclose(traced.branches[0].points_px[[0, -1]], [[150, 380], [150, 200]], atol=3)
+
+
+def test_a_stem_that_has_the_colours_of_leaves_is_measured_below_the_crown():
+    """In the crown nothing of it is seen; below, it is apart from grass and sky, and as thick as it was drawn."""
+    tree = draw_leafy()
+    below = ~tree.leaves & (np.abs(tree.srgb.astype(int) - BARK).max(axis=2) < 40)
+    srgb = tree.srgb.copy()
+    srgb[below] = np.clip(srgb[below].astype(int) + np.subtract(LEAF, BARK), 0, 255)
+    foliage = find_foliage(srgb, tree.strokes.crown_px, 0, branches_px=tree.strokes.branches_px)
+    traced = trace_tree(branch_odds(srgb, tree.strokes, foliage, 0), tree.strokes)
+    trunk = traced.branches[0]
+    open_px = trunk.points_px[:, 1] > np.nonzero(foliage.inside)[0].max() + 10
+    assert open_px.any()
+    np.testing.assert_allclose(trunk.half_px[open_px], below[300].sum() / 2, atol=1.5)
