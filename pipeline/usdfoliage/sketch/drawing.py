@@ -3,8 +3,10 @@
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 SHIFT = 4  # bits of a pixel's fraction, of the points of fixed_points
+_PLACES = 400  # along an outline that is evened out
 
 Floats = NDArray[np.float64]
 
@@ -23,6 +25,21 @@ def points_at(line: Floats, arc: Floats) -> Floats:
     """(N, D) the points of a line (K, D) after so much of its way (N,)."""
     own = arc_lengths(line)
     return np.stack([np.interp(arc, own, line[:, k]) for k in range(line.shape[1])], axis=-1)
+
+
+def even_out(outline: Floats, reach_px: float) -> Floats:
+    """(N, 2) a closed outline (K, 2) without the tremor of a hand: a mean along it with a deviation of so many pixels.
+
+    Args:
+        outline: Its corners.
+        reach_px: Of the mean; the outline is as it was where this is small against its whole length.
+    """
+    closed = np.concatenate([outline, outline[:1]])
+    length = float(arc_lengths(closed)[-1])
+    if not length > 0 or not reach_px > 0:
+        return outline
+    places = points_at(closed, np.linspace(0, length, _PLACES, endpoint=False))
+    return np.asarray(gaussian_filter1d(places, reach_px * _PLACES / length, axis=0, mode="wrap"), np.float64)
 
 
 def dilate(mask: NDArray[np.bool_], by_px: float) -> NDArray[np.bool_]:

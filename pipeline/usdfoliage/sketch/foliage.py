@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.sky import segment_sky
-from usdfoliage.sketch.drawing import SHIFT, dilate, fixed_points
+from usdfoliage.sketch.drawing import SHIFT, dilate, even_out, fixed_points
 from usdfoliage.sketch.minimum_cut import cut_pixels
 from usdfoliage.sketch.mixtures import Mixture, fit_mixture, log_density, log_parts
 from usdfoliage.sketch.sky_behind import share_of_tree
@@ -41,6 +41,7 @@ class FoliageCutSettings:
     components: int = 10  # of the mixture, section 2
     leaf_components: int = 5  # of the mixture of the leaves that were found
     smoothness: float = 60.0  # lambda
+    unsteady: float = 0.04  # of the crown's size, along the stroke, over which a hand that shakes is evened out
     dilation: float = 10.0  # pixels of a picture of 1500, by which the stroke may have been drawn too narrow
     around: float = 0.12  # of the crown's size, the width of the ring around it that is compared
     rounds: int = 3  # of the cut, with mixtures of what the one before found
@@ -113,7 +114,11 @@ def find_foliage(
     scale = min(1.0, float(np.sqrt(settings.max_pixels / ((x1 - x0) * (y1 - y0)))))
     small = (max(2, round((x1 - x0) * scale)), max(2, round((y1 - y0) * scale)))
     colors = cv2.resize(srgb[y0:y1, x0:x1], small, interpolation=cv2.INTER_AREA).astype(np.float64)
-    stroke = (crown_px - [x0, y0]) * [small[0] / (x1 - x0), small[1] / (y1 - y0)]
+    steady = even_out(crown_px, settings.unsteady * float(max(high - low)))
+    stroke = (steady - [x0, y0]) * [
+        small[0] / (x1 - x0),
+        small[1] / (y1 - y0),
+    ]
     inner = fill_outline(stroke, small)
     inside = dilate(inner, grown_px * scale)
     if not inner.any():

@@ -15,7 +15,7 @@ from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.branch.foliage.species import describe_species
 from usdfoliage.capture.folder.images import Photo, read_photo
 from usdfoliage.capture.folder.masks import clean_mask, read_mask
-from usdfoliage.capture.mask_proposal.propose import propose_mask
+from usdfoliage.capture.mask_proposal.propose import MaskProposal, propose_mask
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.files.hashing import hash_file
 from usdfoliage.jobs.report.published import PublishedAsset
@@ -138,19 +138,32 @@ def read_sketch_input(request: SketchRequest) -> SketchInput:
         tree = replace(proposed, branches_px=drawn or proposed.branches_px)
         strokes = _strokes_of(photo, tree)
     if strokes is None:
-        proposal = propose_mask(photo.linear, seed=settings.tree.seed)
+        proposal, proposed = propose_tree(photo, srgb, settings.tree.seed)
         text = f"the strokes are proposals (confidence {proposal.confidence:.2f}); {proposal.remark}"
         beside = strokes_beside(request.photo).name
         remedy = f"correct {STROKES} in the asset's folder, and put it beside the photograph as {beside}"
         remarks.append(remark("strokes-proposed", text, remedy=remedy))
-        mask = proposal.mask
-        if proposal.confidence < _CLEAR:
-            mask = complete_proposal(mask, srgb, settings.tree.seed)
-        strokes = _strokes_of(photo, propose_strokes(mask, srgb))
+        strokes = _strokes_of(photo, proposed)
     kept = choices_of(settings)
     if request.tape_m is not None:
         kept = replace(kept, height_m=None)
     return SketchInput(photo=photo, strokes=replace(strokes, choices=kept), settings=settings, remarks=tuple(remarks))
+
+
+def propose_tree(photo: Photo, srgb: NDArray[np.uint8], seed: int) -> tuple[MaskProposal, TreeStrokes]:
+    """The crown that a photograph shows, as far as its colours tell, and strokes around it and up its stem.
+
+    Args:
+        photo: As read_photo has read it.
+        srgb: (H, W, 3), the same, display-encoded.
+        seed: Of the colours.
+
+    Raises:
+        CaptureError: It shows no crown.
+    """
+    proposal = propose_mask(photo.linear, seed=seed)
+    mask = proposal.mask if proposal.confidence >= _CLEAR else complete_proposal(proposal.mask, srgb, seed)
+    return proposal, propose_strokes(mask, srgb)
 
 
 def _settings_of(request: SketchRequest, of_strokes: SketchChoices) -> SketchModelSettings:

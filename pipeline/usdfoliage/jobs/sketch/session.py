@@ -37,7 +37,6 @@ from usdfoliage.asset.packages.plant_package import write_plant_asset
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.capture.folder.images import Photo
-from usdfoliage.capture.mask_proposal.propose import propose_mask
 from usdfoliage.errors import CaptureError, FoliageError
 from usdfoliage.jobs.report.pictures import write_picture
 from usdfoliage.jobs.report.table import Row
@@ -49,11 +48,10 @@ from usdfoliage.jobs.sketch.model import (
     to_display,
     work_picture,
 )
-from usdfoliage.jobs.sketch.run import SketchRequest, make_sketch_asset, sketch_rows
+from usdfoliage.jobs.sketch.run import SketchRequest, make_sketch_asset, propose_tree, sketch_rows
 from usdfoliage.remarks import Remark, RenderSetting, as_plan_setting, list_sentences, warnings_of
 from usdfoliage.sketch.axes import Axis
 from usdfoliage.sketch.foliage import Foliage
-from usdfoliage.sketch.proposal import propose_strokes
 from usdfoliage.sketch.reconstruct import SketchSettings, foliage_of_strokes, mixture_seeds, trace_strokes
 from usdfoliage.sketch.strokes import (
     Strokes,
@@ -264,8 +262,7 @@ class DrawingSession:
 
     def propose(self, reply: Reply) -> None:
         """Strokes that nobody drew."""
-        proposal = propose_mask(self.photo.linear, seed=self.settings.tree.seed)
-        tree = propose_strokes(proposal.mask, to_display(self.photo.linear))
+        _, tree = propose_tree(self.photo, to_display(self.photo.linear), self.settings.tree.seed)
         width, height = self.photo.width_px, self.photo.height_px
         strokes = Strokes(image=self.photo.path.name, width_px=width, height_px=height, trees=(tree,))
         reply({"strokes": json.loads(format_strokes(strokes))})
