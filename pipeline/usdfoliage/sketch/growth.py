@@ -281,7 +281,7 @@ class _Growth:
             left = left[away > 0.7 * spacing]
             if not len(left):
                 break
-            gap, nearest = self._least_bent(left, owners, vertices, places)
+            gap, nearest = self._straightest_carriers(left, owners, vertices, places)
             order = np.argsort(gap, kind="stable")
             reach = max(float(gap[order[len(order) // 4]]), 1.5 * spacing)
             chosen = order[gap[order] <= reach][: settings.max_shoots - added]
@@ -299,7 +299,7 @@ class _Growth:
         vertices = np.concatenate([np.arange(1, len(self.axes[n].points)) for n in able])
         return owners, vertices, np.concatenate([self.axes[n].points[1:] for n in able])
 
-    def _least_bent(
+    def _straightest_carriers(
         self, targets: Floats, owners: NDArray[np.int64], vertices: NDArray[np.int64], places: Floats
     ) -> tuple[Floats, NDArray[np.int64]]:
         """How far each target is from the carrier that a shoot to it leaves from, and which: near, and bent little."""

@@ -151,7 +151,7 @@ def read_sketch_input(request: SketchRequest) -> SketchInput:
 
 
 def propose_tree(photo: Photo, srgb: NDArray[np.uint8], seed: int) -> tuple[MaskProposal, TreeStrokes]:
-    """The crown that a photograph shows, as far as its colours tell, and strokes around it and up its stem.
+    """The crown that the colours of a photograph show, and strokes around it and up its stem.
 
     Args:
         photo: As read_photo has read it.
