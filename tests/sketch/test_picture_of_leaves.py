@@ -8,6 +8,7 @@ from usdfoliage.sketch.bounds import bound_crown
 from usdfoliage.sketch.drawing import close_gaps
 from usdfoliage.sketch.leaf_fill import LeafFillSettings, fill_gaps
 from usdfoliage.sketch.leaf_scale import measure_leaf_length
+from usdfoliage.sketch.proposal import complete_proposal
 from usdfoliage.sketch.sky_behind import share_of_tree
 from usdfoliage.sketch.stroke_margin import measure_margin
 
@@ -144,3 +145,20 @@ def test_a_bare_tree_fills_its_stroke():
     assert whole.inside.sum() > 2 * alone.inside.sum()
     assert not (whole.inside & ~drawn & ~alone.inside).any()
     assert whole.half_depth.max() == pytest.approx(150, rel=0.15)
+
+
+def test_only_the_top_of_a_clear_proposal_is_completed():
+    """A spire before the sky stands above the proposal; what is beside its lower part is not added."""
+    srgb = np.full((300, 300, 3), (120, 170, 230), np.uint8)
+    srgb[260:] = (120, 110, 60)
+    tree = np.zeros((300, 300), bool)
+    tree[120:250, 90:210] = True
+    tree[60:120, 140:160] = True
+    srgb[tree] = (50, 90, 40)
+    proposal = tree.copy()
+    proposal[:120] = False  # without its spire
+    proposal[:, :130] = False  # and without its left part
+    completed = complete_proposal(proposal, srgb, 0, only_top=True)
+    assert completed[80:120, 142:158].mean() > 0.9
+    np.testing.assert_array_equal(completed[160:], proposal[160:])
+    assert complete_proposal(proposal, srgb, 0)[160:240, 100:130].mean() > 0.9

@@ -18,6 +18,7 @@ _BESIDE = 0.3  # of the crown's width, to either side of its middle, where a ste
 _WIDTHS = (0.02, 0.035, 0.06)  # of the crown's width, that a stem may have
 _LEAN = 1  # pixels to either side, by which a stem may go on from one row to the next
 _CLEAR = 6.0  # difference in CIELAB between a stem and what is beside it, which counts as one
+_TOP = 0.25  # of a clear proposal's height, that is completed
 _INTO = 0.55  # of the crown's height from below, to which the stem goes on
 
 
@@ -39,13 +40,16 @@ def propose_strokes(mask: NDArray[np.bool_], srgb: NDArray[np.uint8]) -> TreeStr
     return TreeStrokes(crown_px=outline, branches_px=(find_stem(mask, srgb),))
 
 
-def complete_proposal(mask: NDArray[np.bool_], srgb: NDArray[np.uint8], seed: int) -> NDArray[np.bool_]:
+def complete_proposal(
+    mask: NDArray[np.bool_], srgb: NDArray[np.uint8], seed: int, *, only_top: bool = False
+) -> NDArray[np.bool_]:
     """(H, W) a proposed crown with what stands before the sky above it.
 
     Args:
         mask: (H, W), the proposal; not empty.
         srgb: (H, W, 3), the photograph.
         seed: Of the colours of the sky.
+        only_top: The proposal is clear, and nothing but its top is completed, whose fine shoots have the sky's colours.
     """
     sky = find_sky(srgb, seed)
     small = cv2.resize(mask.astype(np.uint8), sky.shape[::-1], interpolation=cv2.INTER_AREA) > 0
@@ -56,7 +60,11 @@ def complete_proposal(mask: NDArray[np.bool_], srgb: NDArray[np.uint8], seed: in
     if complete is small:
         return mask
     enlarged = cv2.resize(complete.astype(np.float32), mask.shape[::-1], interpolation=cv2.INTER_LINEAR)
-    return np.asarray(enlarged > 0.5)
+    if not only_top:
+        return np.asarray(enlarged > 0.5)
+    rows = np.flatnonzero(mask.any(axis=1))
+    top = np.arange(len(mask))[:, None] < rows[0] + _TOP * np.ptp(rows)
+    return np.asarray(mask | ((enlarged > 0.5) & top))
 
 
 def _with_margin(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

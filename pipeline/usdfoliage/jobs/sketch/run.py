@@ -53,7 +53,7 @@ from usdfoliage.sketch.strokes import (
 )
 
 STEPS = ("tree", "surface", "leaves", "motion", "crown", "asset", "preview")
-_CLEAR = 0.6  # confidence of a proposed mask, from which on nothing is added before the sky
+_CLEAR = 0.6  # confidence of a proposed mask, from which on only its top is completed before the sky
 STROKES = "strokes.json"  # in the asset's folder
 _MIN_SPREAD = 4  # of 255, from the darkest to the brightest pixels
 
@@ -162,7 +162,7 @@ def propose_tree(photo: Photo, srgb: NDArray[np.uint8], seed: int) -> tuple[Mask
         CaptureError: It shows no crown.
     """
     proposal = propose_mask(photo.linear, seed=seed)
-    mask = proposal.mask if proposal.confidence >= _CLEAR else complete_proposal(proposal.mask, srgb, seed)
+    mask = complete_proposal(proposal.mask, srgb, seed, only_top=proposal.confidence >= _CLEAR)
     return proposal, propose_strokes(mask, srgb)
 
 
