@@ -39,3 +39,11 @@ def test_a_trunk_tapers_where_it_is_hidden():
     radius = radius_of(np.where(np.arange(COUNT) < 20, CONE_PX, np.nan))
     np.testing.assert_allclose(radius[:17], CONE_PX[:17], rtol=0.05)
     assert radius[-1] < 0.25 * radius[19]
+
+
+def test_a_trunk_goes_on_into_the_crown_that_hides_it():
+    """Only a slit of it is seen there: it is not a bottle."""
+    half = np.where(np.arange(COUNT) < 15, 10.0, 1.0)
+    radius = radius_of(half)
+    even = 10.0 * (1 - 0.88 * np.linspace(0, 1, COUNT) ** 0.9)
+    assert np.all(radius >= 0.69 * even)

@@ -17,6 +17,7 @@ TAPER = 0.35  # of its radius at the base, that a branch has at its tip
 TRUNK_TAPER = 0.12
 _UPPER = 0.75  # expectile of the widths that are seen: leaves and twigs before a trunk hide parts of it
 _WIDEST = 1.6  # times the radius near the root; what is wider is a shadow, or a plant behind
+_NARROWEST = 0.7  # of a trunk that tapers evenly; what is narrower is hidden by the crown
 _ROUNDS = 12  # in which the weights of that expectile settle
 _PLACES = 129  # along a trunk, where its radius is smoothed
 _SMOOTH = 3.0  # of these places: standard deviation of the smoothing
@@ -59,7 +60,8 @@ def find_radii(axes: Sequence[Axis], exponent: float | None, tip_px: float, stem
 
 def _trunk_radius(axis: Axis, share: Floats, base: float, tip_px: float) -> Floats:
     """(K,) radius of a trunk: as the picture shows it, and where it is hidden tapering from there to its tip."""
-    radius = base * (1 - (1 - TRUNK_TAPER) * share**0.9)
+    tapering = 1 - (1 - TRUNK_TAPER) * share**0.9
+    radius = base * tapering
     known = np.flatnonzero(np.isfinite(axis.half))
     if len(known):
         places = np.linspace(share[known[0]], share[known[-1]], _PLACES)
@@ -67,6 +69,7 @@ def _trunk_radius(axis: Axis, share: Floats, base: float, tip_px: float) -> Floa
         last = share[known[-1]]
         beyond = np.clip((share - last) / max(1 - last, 1e-9), 0, 1)
         radius = np.interp(share, places, seen) * (1 - (1 - TRUNK_TAPER) * beyond)
+        radius = np.maximum(radius, _NARROWEST * max(base, float(seen[0])) * tapering)
     return np.maximum(np.minimum.accumulate(radius), tip_px)
 
 
