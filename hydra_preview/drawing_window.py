@@ -266,10 +266,8 @@ class DrawingWindow(QtWidgets.QMainWindow):
         if not drawing.tree.crown or self._makes:
             self._report(self._hint())
             return
-        try:
-            strokes = to_strokes(drawing, self._head)
-        except UnfinishedError as error:
-            self._warn(str(error))
+        strokes = self._finished_strokes()
+        if strokes is None:
             return
         self.link.forget(self._grow_number)
         self._grows, self._grown = True, drawing
@@ -309,6 +307,14 @@ class DrawingWindow(QtWidgets.QMainWindow):
         self._grows = self._makes = False
         self._refresh_actions()
 
+    def _finished_strokes(self) -> dict | None:
+        """The drawing as a file has it; None, with a warning, where it is none yet."""
+        try:
+            return to_strokes(self.drawing, self._head)
+        except UnfinishedError as error:
+            self._warn(str(error))
+            return None
+
     # Files
 
     def save(self) -> None:
@@ -318,10 +324,8 @@ class DrawingWindow(QtWidgets.QMainWindow):
     def write(self, path: str) -> None:
         """Write strokes and sliders into a file."""
         drawing = self.drawing
-        try:
-            strokes = to_strokes(drawing, self._head)
-        except UnfinishedError as error:
-            self._warn(str(error))
+        strokes = self._finished_strokes()
+        if strokes is None:
             return
 
         def receive(reply: dict) -> None:
@@ -361,10 +365,8 @@ class DrawingWindow(QtWidgets.QMainWindow):
     def make(self, path: str, *, preview: bool = True) -> None:
         """Save the strokes, and make the asset of them."""
         drawing = self.drawing
-        try:
-            strokes = to_strokes(drawing, self._head)
-        except UnfinishedError as error:
-            self._warn(str(error))
+        strokes = self._finished_strokes()
+        if strokes is None:
             return
         self._makes, self._grows = True, False
         self.link.forget(self._grow_number)

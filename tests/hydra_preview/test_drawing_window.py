@@ -1,40 +1,20 @@
 """The window of a photograph on a virtual display: strokes by the mouse, and what comes of them."""
 
 import json
-import subprocess
 
 import cv2
 import numpy as np
 import pytest
 from usdfoliage.__main__ import main
 from usdfoliage.errors import FoliageError, PreviewError
-from usdfoliage.jobs.preview.recorder import find_interpreter
 from usdfoliage.jobs.preview.viewer import ViewerSettings
 from usdfoliage.jobs.sketch.window import draw_over_photo
 from usdfoliage.sketch.strokes import read_strokes
 
 from tests.support.photographs.drawn_trees import draw_leafy
-from tests.support.virtual_display import missing, virtual_display
 
 pytestmark = pytest.mark.preview
 SIZE = {"width_px": 900, "height_px": 560}
-
-
-@pytest.fixture(scope="module")
-def display():
-    try:
-        python = find_interpreter()
-    except PreviewError as error:
-        pytest.skip(f"the preview interpreter is absent: {error}")
-    if subprocess.run([str(python), "-c", "import PySide6"], capture_output=True, check=False).returncode:
-        pytest.skip(f"{python} has no PySide6 (make setup installs it into .venv-preview)")
-    if missing():
-        pytest.skip(missing())
-    with virtual_display() as name, pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DISPLAY", name)
-        patch.delenv("WAYLAND_DISPLAY", raising=False)
-        patch.delenv("QT_QPA_PLATFORM", raising=False)
-        yield name
 
 
 def write_photo(folder):

@@ -2,7 +2,6 @@
 
 import json
 import math
-import subprocess
 import sys
 from pathlib import Path
 
@@ -19,7 +18,6 @@ from usdfoliage.jobs.preview.viewer import ViewerSettings, view_asset
 
 from tests.support.leaves.assets import random_leaves, write_spray
 from tests.support.plant_assets import write_whole_plant
-from tests.support.virtual_display import missing, virtual_display
 
 SIZE = {"width_px": 800, "height_px": 520}
 WIDE, BEND, AMPLITUDE = 1.75, 0.25, 0.05
@@ -72,23 +70,6 @@ def test_right_drag_and_wheel_come_nearer_and_never_through() -> None:
 
 
 # The window
-
-
-@pytest.fixture(scope="module")
-def display():
-    try:
-        python = find_interpreter()
-    except PreviewError as error:
-        pytest.skip(f"the preview interpreter is absent: {error}")
-    if subprocess.run([str(python), "-c", "import PySide6"], capture_output=True, check=False).returncode:
-        pytest.skip(f"{python} has no PySide6 (make setup installs it into .venv-preview)")
-    if missing():
-        pytest.skip(missing())
-    with virtual_display() as name, pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DISPLAY", name)
-        patch.delenv("WAYLAND_DISPLAY", raising=False)
-        patch.delenv("QT_QPA_PLATFORM", raising=False)
-        yield name
 
 
 def play(asset: Path, folder: Path, actions: list[dict], **settings: object) -> None:
