@@ -167,6 +167,26 @@ def test_fewer_faces_leave_the_thick_branches_joined():
     assert few.thickest_twig_m > 0 or few.left_out
 
 
+def test_long_branches_stay_as_far_as_there_are_faces_for_them():
+    """Thick branches have more faces each than the thin tips that are left out before them."""
+    around = np.linspace(0, 40, 72)
+    directions = np.stack([np.cos(around), np.full(72, 0.2), np.sin(around)], axis=1)
+    parts = [(TRUNK, 0.05, None, 0)]
+    for number, direction in enumerate(directions[:60]):
+        start = 3 + number % 14
+        parts.append((TRUNK[start] + np.outer([0, 0.3], direction), 0.002, 0, start))
+    for number, direction in enumerate(directions[60:]):
+        start = 4 + number
+        zigzag_m = TRUNK[start] + np.outer(np.linspace(0, 2, 60), direction)
+        zigzag_m[1:, 1] += 0.06 * (-1.0) ** np.arange(59)
+        parts.append((zigzag_m, 0.004, 0, start))
+    skeleton = plant_of(*parts)
+    closed = close_branches(skeleton, max_faces=3000)
+    assert 1500 < len(closed.cage.faces) <= 3000
+    assert (np.flatnonzero(closed.number >= 0)[1:] > 60).all()
+    assert len(closed.skeleton) > 3
+
+
 def test_less_is_joined_where_what_is_drawn_otherwise_takes_too_many_faces(monkeypatch):
     tree, asked = random_tree(3, 20), []
     whole = close_branches(tree)

@@ -17,8 +17,7 @@ from usdfoliage.branch.rooted_tree import RootedTree
 
 JOINED_FACES = 36.0, 4.0  # of a branch, with those on its parent: at its fork, and times the rows that it asks for
 LEAN_FACES = 32.0, 3.0  # of a lean one
-SURELY = 0.9  # times as many fewer faces as the last tips gave, from the next ones
-FACES_OF_TWIG = 30  # that are fewer without a twig, before it is known
+SURELY = 1.05  # times the faces that are too many, those of the tips that are left out
 LIMBS = 0.15, 0.3, 0.5  # of the greatest radius: a thicker branch is a limb
 ROUNDS = 3  # of choosing what is left out
 COARSER = (1.0, 1.5, 2.0, 3.0)  # times fewer rings of twigs
@@ -50,15 +49,12 @@ def fit_faces(
         # What is not enough by far need not be built.
         needed = len(cage.faces) - max_faces
         left = [each for each in left if SIDES * rows * (1 / coarser - 1 / each) > needed or each == COARSER[-1]]
-    each = float(FACES_OF_TWIG)
     for _ in range(ROUNDS):
-        before = len(cage.faces), int(choice.gone.sum())
-        gone = _thinnest_tips(skeleton, thickness_m, choice.gone, int(np.ceil((before[0] - max_faces) / each)))
+        gone = _thinnest_tips(skeleton, thickness_m, choice.gone, cage, SURELY * (len(cage.faces) - max_faces))
         choice = replace(choice, is_twig=~rooted & ~gone, gone=gone)
         cage = build_with_twigs(skeleton, choice, settings, exits)
         if len(cage.faces) <= max_faces:
             break
-        each = max((before[0] - len(cage.faces)) / max(int(gone.sum()) - before[1], 1) * SURELY, 1.0)
     return choice, cage
 
 
@@ -95,13 +91,17 @@ def joined_faces(skeleton: Skeleton, faces: tuple[float, float]) -> NDArray[np.f
 
 
 def _thinnest_tips(
-    skeleton: Skeleton, thickness_m: NDArray[np.float64], gone: NDArray[np.bool_], count: int
+    skeleton: Skeleton, thickness_m: NDArray[np.float64], gone: NDArray[np.bool_], cage: BranchCage, faces: float
 ) -> NDArray[np.bool_]:
-    """(B,) branches that are left out: so many more than are gone already, the thinnest first."""
+    """(B,) branches that are left out: those gone already, and the thinnest others that have so many faces in a cage.
+
+    Thicker ones are longer, and have more faces each.
+    """
     order = np.argsort(np.where((skeleton.parent_curve < 0) | gone, np.inf, thickness_m), kind="stable")
-    more = min(count, int((~gone & (skeleton.parent_curve >= 0)).sum()))
+    order = order[: int((~gone & (skeleton.parent_curve >= 0)).sum())]
+    fewer = np.cumsum(np.bincount(cage.curve, minlength=len(skeleton))[order])
     left_out = gone.copy()
-    left_out[order[:more]] = True
+    left_out[order[: int(np.searchsorted(fewer, faces)) + 1]] = True
     return with_carried(skeleton, left_out)  # of one thickness a parent may be one
 
 
