@@ -192,3 +192,17 @@ def test_scanned_trees_are_not_turned_wrongly(turned):
         right += name_of(found.axis) == turned
         assert name_of(found.axis) == turned or not found.sure, (path, found.how)
     assert right >= 0.75 * len(paths)
+
+
+@pytest.mark.parametrize(
+    ("cloud", "cut"),
+    [("cloud-itsme/tree_1.ply", 0.3), ("cloud-archi/tree_1.ply", 0.5), ("cloud-treels/pine.ply", 0.3)],
+)
+def test_neither_the_bark_nor_the_foot_of_a_stem_that_was_cut_out_is_taken_for_ground_or_a_crown(cloud, cut):
+    """Seen from the side, bark fills nearly all places of a strip; a foot with roots is as wide as a crown."""
+    if not (SHARED / cloud).exists():
+        pytest.skip("../shared/data has no clouds of trees")
+    points = read_cloud_file(SHARED / cloud).cloud.points_m
+    high = points[:, 2] - points[:, 2].min()
+    found = find_cloud_up(points[high < cut * high.max()])
+    assert name_of(found.axis) == "+Z", found.how

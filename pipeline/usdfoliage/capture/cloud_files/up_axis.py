@@ -29,6 +29,7 @@ _BARE_SHARE = 0.3  # of the columns with nothing above the ground, from which on
 _STEEPEST = 0.5  # ground, height over width
 _EVEN = 0.7  # share of the ground's columns that are off by half of that at most: bark seen from the side is round
 _MAX_BELOW = 0.03  # share of the columns whose lowest cell may be below the ground
+_STRIP = 0.3  # of its length, up to which ground is none: bark of a trunk that was cut out, seen from the side
 _TRUNK_WIDTH = 0.25  # of the plant's width, that a trunk has at most
 _TRUNK_SHARE = 0.2  # of the cells of the fullest slabs, that a trunk's slab has at most
 _TRUNK_LENGTH = 0.25  # of the height, from which on a trunk is no better evidence
@@ -36,6 +37,8 @@ _TIP_LENGTH = 0.05  # of the height, up to which it is none: tips of crowns and 
 _GROWTH = 1.6  # of a trunk's width above that at its end, at most: a treetop's grows without end
 _UNBROKEN = 0.6  # share of the slabs of a trunk that were seen at all
 _POLE = 0.2  # of its length, that a trunk seen from the side is thick at most
+_FOOT = 0.2  # of the height, up to which what is wide at one end may be the foot of a trunk that was cut out,
+_TAPER = 1.1  # if the trunk is so much wider towards it
 _MIN_WIDTH = 2.5  # cells, of anything seen through a grid
 
 
@@ -76,8 +79,9 @@ def find_cloud_up(points_m: NDArray[np.float64], stated: str | None = None, form
 
     For each of the six directions two things are looked for at its lower end. A trunk: slabs that hold few cells, close
     together, of a width that does not shrink towards the end as that of a treetop does; the longer, the better. Where
-    the fullest slabs are themselves a trunk, seen from the side, there is none. The ground: a thin plane of cells below
-    half the plant or more, sloped by no more than 27°, with nothing below it and parts of it bare. A plant without
+    the fullest slabs are themselves a trunk, seen from the side, there is none; nor where hardly more than a trunk was
+    cut out, and what is wide at one end may be its foot. The ground: a thin plane of cells below half the plant or
+    more, no narrow strip, sloped by no more than 27°, with nothing below it and parts of it bare. A plant without
     either, such as a hedge that was cut out, gives no evidence: then Z is up.
 
     Args:
@@ -170,6 +174,8 @@ def _find_ground(grid: Grid) -> tuple[Grid, float]:
     filled = grid.any(axis=2)
     if np.count_nonzero(filled) < _CELLS or grid.shape[2] < 6 * _GROUND_BAND:
         return none
+    if _is_pole(filled, grid.shape[2], _STRIP):
+        return none
     columns = np.argwhere(filled)
     lowest = grid.argmax(axis=2)[filled].astype(np.float64)
     design = np.column_stack([columns, np.ones(len(columns))])
@@ -214,18 +220,27 @@ def _find_trunk(grid: Grid) -> _Trunk:
         return _Trunk(0.0, 0.0)
     thin = (counts <= max(_TRUNK_SHARE * full, 1)) & (widths <= max(_TRUNK_WIDTH * wide, _MIN_WIDTH))
     # The foot may be wider: roots, grass, what is left of the ground. The trunk begins where it is longest.
-    run, width = 0, 0.0
+    run, width, begin = 0, 0.0, 0
     for start in np.flatnonzero(thin[: max(2, height // 16) + 1]):
         first = max(float(np.median(widths[start : start + max(3, height // 20)])), _MIN_WIDTH)
         rest = thin[start:] & (widths[start:] <= _GROWTH * first)
         length = len(rest) if rest.all() else int(np.argmin(rest))
         if length > run and np.mean(counts[start : start + length] > 0) >= _UNBROKEN:
-            run, width = length, first
+            run, width, begin = length, first, int(start)
+    reach = height if thin[begin:].all() else begin + int(np.argmin(thin[begin:]))
+    if reach >= (1 - _FOOT) * height and _widens(counts[begin:reach]):
+        return _Trunk(0.0, 0.0)
     share = 2 * run / (height + max(grid.shape))  # a branch that reaches out is short for the whole plant
     return _Trunk(float(np.clip((share - _TIP_LENGTH) / (_TRUNK_LENGTH - _TIP_LENGTH), 0, 1)), width)
 
 
-def _is_pole(slab: Grid, height: int) -> bool:
+def _widens(counts: NDArray[np.int64]) -> bool:
+    """Whether slabs of so many cells (L,) are wider in the last third than in the first: the first is not the foot."""
+    third = len(counts) // 3
+    return third > 0 and bool(np.median(counts[-third:]) > _TAPER * np.median(counts[:third]))
+
+
+def _is_pole(slab: Grid, height: int, pole: float = _POLE) -> bool:
     """Whether the cells of a slab (A, B) are a trunk seen from the side, longer than the plant is high this way up.
 
     What looks like a trunk below it is a branch then.
@@ -235,7 +250,7 @@ def _is_pole(slab: Grid, height: int) -> bool:
         return False
     spread = np.linalg.eigvalsh(np.cov(cells.T))
     thickness, length = np.sqrt(12 * np.maximum(spread, 0)) + 1  # of a bar, evenly filled
-    return bool(length > height and thickness < _POLE * length)
+    return bool(length > height and thickness < pole * length)
 
 
 def _width(slab: Grid) -> float:
