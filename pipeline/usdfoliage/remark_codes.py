@@ -595,6 +595,11 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="No stem or branch of the whole cloud is round. How thick branches are is estimated.",
                 action="Make a denser cloud: take nearer photographs, or a scan.",
             ),
+            "branches-beyond-faces": RemarkKind(
+                severity="warning",
+                meaning="More than 30 % of the branches are left out: the surface would have too many faces.",
+                action="Cut the plant out of the cloud, or set `branches.max_faces`.",
+            ),
             "branches-not-joined": RemarkKind(
                 severity="warning",
                 meaning=(
@@ -746,6 +751,11 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 severity="info",
                 meaning="Points far beside the plant are not of the plant.",
                 action="Nothing.",
+            ),
+            "noise-left-out": RemarkKind(
+                severity="info",
+                meaning="Points all over the box of the cloud are noise, and not of the plant.",
+                action="Nothing, or look where thin twigs are missing.",
             ),
             "other-trees-left-out": RemarkKind(
                 severity="info",

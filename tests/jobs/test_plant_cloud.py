@@ -55,6 +55,21 @@ def test_no_more_points_come_than_are_asked_for(tmp_path, max_points):
     assert len(plant.points_m) == len(plant.colors) <= max_points
 
 
+def test_points_strewn_all_over_the_box_are_left_out_before_up_is_looked_for(tmp_path):
+    rng = np.random.default_rng(5)
+    pole_m, _ = pole(8000)
+    crown_m = rng.normal(size=(8000, 3))
+    crown_m = 0.7 * crown_m / np.linalg.norm(crown_m, axis=1)[:, None] + [0, 0, HEIGHT_M]
+    plant_m = np.concatenate([pole_m, crown_m])
+    noise_m = rng.uniform(plant_m.min(axis=0), plant_m.max(axis=0), (8000, 3))
+    write_ply(tmp_path / "noisy.ply", np.concatenate([plant_m, noise_m]), None)
+    plant = read_plant_cloud(PlantCloudRequest(path=tmp_path / "noisy.ply", roots=RootSettings(), unit="m"))
+    texts = {each.code: each.text for each in plant.remarks}
+    assert "left out as noise" in texts["noise-left-out"]
+    assert "a trunk" in texts["cloud-up"]
+    assert 14_000 < len(plant.source.points_m) < 17_500
+
+
 def test_outliers_are_left_out_with_a_remark(tmp_path):
     points, colors = pole(5000)
     outliers = np.array([[3.0, 0, 0.4]]) + np.random.default_rng(1).normal(0, 0.02, (60, 3))

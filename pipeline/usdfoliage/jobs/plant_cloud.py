@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from usdfoliage.branch.tracing.cloud_cut import point_spacing
 from usdfoliage.branch.tracing.ground import Ground, find_ground, no_ground
+from usdfoliage.branch.tracing.noise_points import find_noise_points
 from usdfoliage.branch.tracing.other_trees import find_other_trees
 from usdfoliage.branch.tracing.outliers import find_ground_remains, find_outliers
 from usdfoliage.branch.tracing.roots import RootSettings, find_roots
@@ -121,6 +122,13 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         progress_in_step("read", progress),
     )
     remarks = list(source.remarks)
+    noise = find_noise_points(source.points_m)
+    if noise.any():
+        share = f"{int(noise.sum()):,} points ({100 * noise.mean():.0f} %)"
+        text = f"{share} are strewn all over the box of the cloud, and left out as noise"
+        remarks.append(remark("noise-left-out", text))
+        kept_colors = None if source.colors is None else source.colors[~noise]
+        source = replace(source, points_m=source.points_m[~noise], colors=kept_colors)
     if request.up is not None:
         axis = axis_vector(request.up)
     elif source.stated_vector is not None:
