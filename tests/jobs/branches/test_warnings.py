@@ -1,7 +1,7 @@
 """What is a warning of an asset of branches, and what is not."""
 
 from usdfoliage.cli.remarks import render_for
-from usdfoliage.jobs.branches.warnings import check_growth, check_stems, check_surface
+from usdfoliage.jobs.branches.warnings import check_faces, check_growth, check_stems, check_surface
 from usdfoliage.remarks import as_plan_setting
 
 RENDER = render_for("branches")
@@ -15,6 +15,21 @@ def test_branches_of_which_many_are_not_joined_are_a_warning():
     assert "--cloud-leaves on" in warning.sentence(RENDER)
     assert "--method grow" in warning.sentence(RENDER)
     assert 'branches.method = "grow"' in warning.sentence(as_plan_setting)
+
+
+def test_branches_that_grow_are_not_advised_to_grow():
+    (joined,) = check_surface(100, 20, 11, grows=True)
+    (stems,) = check_stems(0.01, 0.0, 0.01, grows=True)
+    for warning in (joined, stems):
+        assert "--method" not in warning.sentence(RENDER)
+    assert stems.sentence(RENDER).endswith("give --roots where stems are")
+
+
+def test_branches_beyond_the_number_of_faces_are_a_warning():
+    assert check_faces(100, 30) == check_faces(6, 5) == []
+    (warning,) = check_faces(100, 58)
+    assert warning.text.startswith("58 % of the branches are left out")
+    assert "--most-faces" in warning.sentence(RENDER)
 
 
 def test_growth_through_a_part_of_the_cloud_is_a_warning():

@@ -171,7 +171,7 @@ def _find_evidence(grid: Grid) -> dict[str, _Evidence]:
 def _find_ground(grid: Grid) -> tuple[Grid, float]:
     """Cells of the ground at the lower end, and how clear it is, 0 to 1."""
     none = np.zeros_like(grid), 0.0
-    filled = grid.any(axis=2)
+    filled = np.asarray(grid.any(axis=2))
     if np.count_nonzero(filled) < _CELLS or grid.shape[2] < 6 * _GROUND_BAND:
         return none
     if _is_pole(filled, grid.shape[2], _STRIP):

@@ -39,7 +39,7 @@ from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, Variation, 
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.branches.surfaces import build_surfaces, faces_of_cloud
 from usdfoliage.jobs.branches.tracing import FindStems, trace_cloud
-from usdfoliage.jobs.branches.warnings import check_motion, check_surface, check_variations
+from usdfoliage.jobs.branches.warnings import check_faces, check_motion, check_surface, check_variations
 from usdfoliage.jobs.fitted_leaves import FittedLeaves, read_fitted_leaves
 from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.report.table import Row, WrittenReport
@@ -127,6 +127,7 @@ def find_branches(
         NoStemsError: The request needs stems, and the cloud shows none.
         FoliageError: The input is unusable.
     """
+    grows = request.regrowth.method == GROW
     found = trace_cloud(
         request.cloud,
         request.settings,
@@ -134,6 +135,7 @@ def find_branches(
         progress,
         needs_stems=request.needs_stems,
         find_stems=find_stems,
+        grows=grows,
     )
     plant, traced = found.plant, found.traced
     bark = request.asset
@@ -158,14 +160,15 @@ def find_branches(
         describe_leaves(traced, request.settings) if found.stems is None else [],
         of_growth,
         made.remarks,
-        check_surface(len(drawn.skeleton), made.left_out, len(surface.loose)),
+        check_surface(len(drawn.skeleton), made.left_out - made.beyond_faces, len(surface.loose), grows),
+        check_faces(len(drawn.skeleton), made.beyond_faces),
     )
     drawn = made.traced
     rows = branch_rows(
         drawn,
         surface,
         plant.points_m[drawn.wood],
-        grown=request.regrowth.method == GROW,
+        grown=grows,
         has_circles=found.stems is None,
     )
     return FoundBranches(
@@ -308,6 +311,7 @@ class PlantModel:
 
     traced: TracedBranches  # without the branches that the surface lacks
     left_out: int  # of these
+    beyond_faces: int  # of these, for the number of faces
     skeleton: SkeletonPrim
     surfaces: BranchSurfaces
     leaves: BranchLeaves | None
@@ -354,6 +358,7 @@ def _make_plant(
     return PlantModel(
         traced=traced,
         left_out=made.left_out,
+        beyond_faces=made.beyond_faces,
         skeleton=SkeletonPrim(skeleton=traced.skeleton, growth=growth_of(traced)),
         surfaces=surfaces,
         leaves=grown.foliage if grown else None,

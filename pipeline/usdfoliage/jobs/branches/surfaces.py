@@ -7,6 +7,7 @@ import numpy as np
 from usdfoliage.branch.axis_places import axis_exits
 from usdfoliage.branch.cage.build import BranchCage
 from usdfoliage.branch.cage.closed import close_branches
+from usdfoliage.branch.cage.drop_reason import DropReason
 from usdfoliage.branch.cage.leave_out import ClosedBranches
 from usdfoliage.branch.cage.settings import BranchCageSettings
 from usdfoliage.branch.cage.surfaces import BranchSurfaces
@@ -32,6 +33,7 @@ class MadeSurfaces:
     skeleton: Skeleton  # what is not in the surface is left out
     surfaces: BranchSurfaces
     left_out: int  # branches
+    beyond_faces: int  # of these, for the number of faces
     remarks: tuple[Remark, ...]
 
 
@@ -52,6 +54,7 @@ def build_surfaces(skeleton: Skeleton, max_faces: int = MAX_FACES) -> MadeSurfac
         skeleton=closed.skeleton,
         surfaces=BranchSurfaces(whole=closed.cage, by_order=tuple(coarser)),
         left_out=len(skeleton) - len(closed.skeleton),
+        beyond_faces=closed.left_out.get(DropReason.TOO_MANY, 0),
         remarks=tuple(_describe(closed, len(skeleton))),
     )
 

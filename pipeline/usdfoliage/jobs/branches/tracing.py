@@ -51,6 +51,7 @@ def trace_cloud(
     *,
     needs_stems: bool = False,
     find_stems: FindStems | None = None,
+    grows: bool = False,
 ) -> TracedCloud:
     """Read a cloud and trace its branches.
 
@@ -66,6 +67,7 @@ def trace_cloud(
             not where points are too far apart to show leaves, and nobody knows whether there are any.
         find_stems: Where few branches are round, called with the radius in metres of the thickest stem that the cloud
             shows: stems that it finds are taken instead.
+        grows: Whether branches will grow through the cloud, so that no remark names it as a remedy.
 
     Raises:
         NoStemsError: The cloud shows no stems.
@@ -73,7 +75,7 @@ def trace_cloud(
     """
     found = _trace(cloud, settings, seconds, progress)
     believed, stems = _roundness(found)
-    warnings = check_stems(believed, stems, found.traced.internode_m)
+    warnings = check_stems(believed, stems, found.traced.internode_m, grows)
     # Of points too far apart to show leaves circles are hardly known, whatever the plant is.
     unknown = settings.leaves == "auto" and not found.traced.knows_leaves
     if not needs_stems or (find_stems is None and unknown):

@@ -15,19 +15,21 @@ _LONGER = 4  # times the internode, with which growth reaches points farther apa
 _GROW = Setting(name="branches.method", value='"grow"')
 
 
-def check_stems(believed: float, stems: float, internode_m: float) -> list[Remark]:
+def check_stems(believed: float, stems: float, internode_m: float, grows: bool = False) -> list[Remark]:
     """A warning where a cloud shows no round branch, or neither these nor stems.
 
     Args:
         believed: Share of the circles that are believed.
         stems: Share of the roots that have a stem.
         internode_m: Of the branches.
+        grows: Whether they grow through the cloud already.
     """
     if believed == 0:
         text = "no stem or branch of the cloud is round; how thick they are is estimated from their length"
         return [remark("branches-not-round", text)]
     if stems >= _STEMS or believed >= FEW_ROUND:
         return []
+    longer = Setting(name="branches.internode_m", value=f"{_LONGER * internode_m:.2g}")
     return [
         remark(
             "stems-not-seen",
@@ -36,23 +38,21 @@ def check_stems(believed: float, stems: float, internode_m: float) -> list[Remar
             remedy=(
                 "give ",
                 Setting(name="branches.roots"),
-                " where stems are, or ",
-                _GROW,
-                " with ",
-                Setting(name="branches.internode_m", value=f"{_LONGER * internode_m:.2g}"),
-                " or so",
+                " where stems are",
+                *(() if grows else (", or ", _GROW, " with ", longer, " or so")),
             ),
         )
     ]
 
 
-def check_surface(branches: int, dropped: int, loose: int) -> list[Remark]:
+def check_surface(branches: int, dropped: int, loose: int, grows: bool = False) -> list[Remark]:
     """A warning where many branches could not be joined to the surface of their parents.
 
     Args:
         branches: Of the skeleton.
         dropped: That are in the skeleton alone.
         loose: That begin closed pieces of their own.
+        grows: Whether they grow through the cloud already.
     """
     if dropped + loose <= max(_FEW, _UNJOINED * branches):
         return []
@@ -64,11 +64,25 @@ def check_surface(branches: int, dropped: int, loose: int) -> list[Remark]:
             remedy=(
                 "give ",
                 Setting(name="branches.cloud_leaves", value='"on"'),
-                " if leaves were taken for wood, or ",
-                _GROW,
+                " if leaves were taken for wood",
+                *(() if grows else (", or ", _GROW)),
             ),
         )
     ]
+
+
+def check_faces(branches: int, beyond: int) -> list[Remark]:
+    """A warning where many branches are left out for the number of faces.
+
+    Args:
+        branches: Of the skeleton.
+        beyond: That the surface would have too many faces with.
+    """
+    if beyond <= max(_FEW, _UNJOINED * branches):
+        return []
+    text = f"{100 * beyond / branches:.0f} % of the branches are left out, since the surface would have too many faces"
+    remedy = ("give ", Setting(name="branches.max_faces"), ", or a cloud of the plant alone")
+    return [remark("branches-beyond-faces", text, remedy=remedy)]
 
 
 def check_growth(reached: float, internode_m: float) -> list[Remark]:
