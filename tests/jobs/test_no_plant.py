@@ -3,11 +3,12 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from usdfoliage.__main__ import build_parser, main
 from usdfoliage.branch.tracing.roots import RootSettings
 from usdfoliage.cli.options.branches import read_branches_request
-from usdfoliage.jobs.no_plant import NoPlantError
+from usdfoliage.jobs.no_plant import NoPlantError, check_traced
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.stages import parts
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_plant_cloud
@@ -39,6 +40,35 @@ def test_what_is_no_plant_is_one_line_with_figures_and_what_to_do(tmp_path, caps
         assert "--any-cloud" in line
         assert "branches.make" not in line
     assert [each.name for each in tmp_path.iterdir()] == [cloud.name]
+
+
+def shrubs():
+    """(N, 3) points of six round shrubs in a row, Y up, each on a thin stem."""
+    rng = np.random.default_rng(5)
+    middle_m = np.arange(6)[:, None] * [1.0, 0, 0] + [0, 0.9, 0]
+    out = rng.normal(size=(36_000, 3))
+    out *= 0.7 * rng.uniform(0.7, 1, (36_000, 1)) / np.linalg.norm(out, axis=1)[:, None]
+    stems_m = middle_m[rng.integers(0, 6, 1200)] * [1, 0, 1] + rng.normal(0, 0.02, (1200, 3)) * [1, 0, 1]
+    stems_m[:, 1] = rng.uniform(0, 0.4, 1200)
+    return np.concatenate([middle_m[rng.integers(0, 6, 36_000)] + out, stems_m])
+
+
+def test_a_row_of_shrubs_without_stem_or_branches_that_join_is_refused_too(tmp_path, capsys):
+    cloud = write_ply(tmp_path / "shrubs.ply", shrubs())
+    words = ["branches", str(cloud), "-o", str(tmp_path / "out"), "--up", "Y", "--no-preview"]
+    assert main(words) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert line.startswith(f"error: {cloud} shows no tree: no stem is seen at a root")
+    assert "--any-cloud" in line
+    assert [each.name for each in tmp_path.iterdir()] == [cloud.name]
+    assert main([*words, "--any-cloud"]) == 0
+
+
+def test_a_stem_few_branches_or_branches_that_join_are_a_tree(tmp_path):
+    for branches, unjoined, stem_seen in ((100, 90, True), (19, 19, False), (100, 59, False)):
+        check_traced(branches, unjoined, stem_seen, tmp_path)
+    with pytest.raises(NoPlantError, match="60 % of the branches"):
+        check_traced(100, 60, False, tmp_path)
 
 
 def test_a_user_who_knows_better_has_any_cloud_traced(tmp_path):

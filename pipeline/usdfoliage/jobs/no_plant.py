@@ -13,6 +13,10 @@ _ALL_THE_SAME: Remedy = (Setting(name="branches.make", value='"on"'), " to trace
 _ROOT: Remedy = (Setting(name="branches.roots"), " where its stem is")
 
 
+_UNJOINED = 0.6  # share of the branches, from which on nothing but the stem shows that they are any
+_FEW = 20  # branches, of which that is no evidence
+
+
 class NoPlantError(FitError):
     """The cloud is surely of no plant."""
 
@@ -31,6 +35,27 @@ def check_plant(points_m: NDArray[np.float64], roots_m: NDArray[np.float64], pat
     shape = judge_cloud_shape(points_m, roots_m)
     if shape.kind != CloudKind.PLANT:
         raise _explain(shape, path)
+
+
+def check_traced(branches: int, unjoined: int, stem_seen: bool, path: Path) -> None:
+    """Refuse a cloud in which neither a stem is seen nor branches that join.
+
+    Args:
+        branches: That were traced.
+        unjoined: Of these, that no surface joins to their parents, where it may have as many faces as it takes.
+        stem_seen: Whether the cloud shows a stem at a root, or round branches.
+        path: Of the cloud.
+
+    Raises:
+        NoPlantError: It is of no plant, or shows too little of one.
+    """
+    if stem_seen or branches < _FEW or unjoined < _UNJOINED * branches:
+        return
+    raise NoPlantError(
+        f"{path} shows no tree: no stem is seen at a root, as in a hedge, and {100 * unjoined / branches:.0f} % of the "
+        f"branches that were traced do not join, {100 * _UNJOINED:.0f} % allowed",
+        ("give a cloud of one plant, or ", *_ROOT, ", or ", *_ALL_THE_SAME),
+    )
 
 
 def _explain(shape: CloudShape, path: Path) -> NoPlantError:

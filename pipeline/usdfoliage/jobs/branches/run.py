@@ -39,8 +39,9 @@ from usdfoliage.jobs.branches.regrowth import GROW, RegrowthRequest, Variation, 
 from usdfoliage.jobs.branches.report import BranchesReport, branch_rows, write_branches_report
 from usdfoliage.jobs.branches.surfaces import build_surfaces, faces_of_cloud
 from usdfoliage.jobs.branches.tracing import FindStems, trace_cloud
-from usdfoliage.jobs.branches.warnings import check_faces, check_motion, check_surface, check_variations
+from usdfoliage.jobs.branches.warnings import NO_STEMS, check_faces, check_motion, check_surface, check_variations
 from usdfoliage.jobs.fitted_leaves import FittedLeaves, read_fitted_leaves
+from usdfoliage.jobs.no_plant import check_traced
 from usdfoliage.jobs.plant_cloud import PlantCloud, PlantCloudRequest, read_plant_cloud
 from usdfoliage.jobs.report.table import Row, WrittenReport
 from usdfoliage.progress import StepProgress, follow_step
@@ -124,6 +125,7 @@ def find_branches(
         find_stems: As trace_cloud takes it.
 
     Raises:
+        NoPlantError: The cloud must be of a plant, and shows none.
         NoStemsError: The request needs stems, and the cloud shows none.
         FoliageError: The input is unusable.
     """
@@ -154,6 +156,10 @@ def find_branches(
         )
     made = _make_plant(request, drawn, plant, fitted, request.seed, seconds, progress)
     surface = made.surfaces.whole
+    if request.cloud.must_be_plant and not request.cloud.given_roots:
+        stem_seen = not any(each.code == NO_STEMS for each in found.remarks)
+        unjoined = made.left_out - made.beyond_faces + len(surface.loose)
+        check_traced(len(drawn.skeleton), unjoined, stem_seen, plant.source.path)
     remarks = merge_remarks(
         found.remarks,
         # Stems that were found otherwise were not traced through the cloud, whatever of it is leaves.
