@@ -633,6 +633,14 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 ),
                 action='Set `branches.make` to `"on"`, best with `branches.roots`, to trace them nevertheless.',
             ),
+            "branches-of-scan-left-out": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "A scan shows no stem at a root and hardly a round branch, as of a hedge. The plant has no "
+                    "branches, and what is taken for its leaves may be anything."
+                ),
+                action='Set `branches.make` to `"on"`, best with `branches.roots`, or use `usdfoliage branches`.',
+            ),
             "traced-coarsely": RemarkKind(
                 severity="info",
                 meaning=(

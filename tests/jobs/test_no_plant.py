@@ -8,9 +8,11 @@ import pytest
 from usdfoliage.__main__ import build_parser, main
 from usdfoliage.branch.tracing.roots import RootSettings
 from usdfoliage.cli.options.branches import read_branches_request
+from usdfoliage.jobs.branches.tracing import NoStemsError
 from usdfoliage.jobs.no_plant import NoPlantError, check_traced
 from usdfoliage.jobs.plant.settings import BuildSettings
 from usdfoliage.jobs.plant.stages import parts
+from usdfoliage.jobs.plant.summary import read_summary
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_plant_cloud
 
 from tests.support.branch_clouds import block, gabled_house, rectangle
@@ -106,6 +108,27 @@ def test_a_build_of_a_cloud_alone_refuses_it_and_names_its_setting(tmp_path, mon
             parts.trace_branches(call)
         assert 'branches.make = "on"' in str(error.value)
     assert asked == [True, False, False]
+
+
+@pytest.mark.parametrize(("photographs", "severity"), [(False, "warning"), (True, "info")])
+def test_a_build_of_a_scan_without_stems_warns_that_it_has_no_branches(tmp_path, monkeypatch, photographs, severity):
+    def find_branches(request, *others):
+        raise NoStemsError("a hedge")
+
+    monkeypatch.setattr(parts, "find_branches", find_branches)
+    monkeypatch.setattr(parts, "is_floorless", lambda call: False)
+    monkeypatch.setattr(parts, "plant_capture", lambda call: tmp_path)
+    call = SimpleNamespace(
+        request=SimpleNamespace(name="crown", capture=tmp_path / "crown.ply"),
+        settings=BuildSettings(),
+        out=tmp_path,
+        progress=None,
+        has=lambda name: photographs and name == parts.CLOUD,
+    )
+    assert parts.trace_branches(call) == ()
+    (left_out,) = read_summary(tmp_path).remarks
+    assert left_out.text.startswith("the plant has no branches")
+    assert left_out.severity == severity
 
 
 def test_other_commands_take_any_cloud(tmp_path):

@@ -12,7 +12,7 @@ REACHED = 0.95  # share of the points, to which growth comes at least
 _NAMED = 5  # variations that a remark names; it counts the others
 _LONGER = 4  # times the internode, with which growth reaches points farther apart
 
-NO_STEMS = "stems-not-seen"  # the remark
+NO_STEMS = "stems-not-seen"  # the code of the remark of check_stems
 
 _GROW = Setting(name="branches.method", value='"grow"')
 
@@ -34,7 +34,7 @@ def check_stems(believed: float, stems: float, internode_m: float, grows: bool =
     longer = Setting(name="branches.internode_m", value=f"{_LONGER * internode_m:.2g}")
     return [
         remark(
-            NO_STEMS,
+            "stems-not-seen",
             "no stem is seen at a root, as in a hedge; how thick branches are is estimated, and many may be rows of "
             "leaves",
             remedy=(
