@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from usdfoliage.sketch.before_sky import complete_before_sky
-from usdfoliage.sketch.bounds import bound_crown
+from usdfoliage.sketch.bounds import bound_crown, view_from_the_side
 from usdfoliage.sketch.drawing import close_gaps
 from usdfoliage.sketch.leaf_fill import LeafFillSettings, fill_gaps
 from usdfoliage.sketch.leaf_scale import measure_leaf_length
@@ -101,6 +101,18 @@ def test_a_proposal_is_completed_by_what_stands_before_the_sky():
     assert (complete & ~crown & (row < 295)).sum() < 0.03 * crown.sum()
 
 
+def test_sky_in_a_gap_far_from_the_crowns_border_is_no_color_of_leaves():
+    tree = disc(200)
+    mixed = 0.5 * (np.asarray(LEAF, float) + np.asarray(SKY, float))
+    colors = np.where(tree[..., None], LEAF, SKY).astype(float)
+    colors[245:255, 245:255] = mixed
+    behind = share_of_tree(colors, ~tree, tree, 400.0)
+    assert not behind.known[250, 250]
+    assert behind.before_sky[250, 250]
+    assert behind.share[250, 250] < 0.7
+    assert behind.share[230, 250] > 0.9
+
+
 def test_without_sky_a_proposal_stays_as_it_is():
     mask = disc(100)
     colors = np.tile(LEAF, (SIZE, SIZE, 1))
@@ -113,7 +125,9 @@ def test_gaps_get_leaves_from_twigs_beside_them():
     bounds = bound_crown(mask)
     twigs = np.column_stack([np.linspace(55, 445, 300), np.full(300, -250.0), np.zeros(300)])
     rng = np.random.default_rng(0)
-    filled = fill_gaps(np.zeros_like(mask), mask, twigs, bounds, 40.0, 0.5, 10_000, rng, LeafFillSettings(rounds=6))
+    filled = fill_gaps(
+        np.zeros_like(mask), mask, bounds.leaves, twigs, 40.0, 0.5, 10_000, rng, LeafFillSettings(rounds=6)
+    )
     np.testing.assert_allclose(np.linalg.norm(filled.along, axis=1), 1)
     assert np.isin(filled.base[:, 0], twigs[:, 0]).all()
     tips = filled.base + 40.0 * 0.95 * filled.along
@@ -131,10 +145,41 @@ def test_no_more_leaves_fill_gaps_than_are_asked_for():
     mask = disc(150)
     twigs = np.array([[250.0, -250.0, 0.0], [240.0, -260.0, 0.0]])
     rng = np.random.default_rng(0)
-    filled = fill_gaps(np.zeros_like(mask), mask, twigs, bound_crown(mask), 20.0, 0.5, 3, rng)
+    filled = fill_gaps(np.zeros_like(mask), mask, mask, twigs, 20.0, 0.5, 3, rng)
     assert 1 <= len(filled.base) <= 3
-    nothing = fill_gaps(np.zeros_like(mask), mask, np.zeros((0, 3)), bound_crown(mask), 20.0, 0.5, 3, rng)
+    nothing = fill_gaps(np.zeros_like(mask), mask, mask, np.zeros((0, 3)), 20.0, 0.5, 3, rng)
     assert len(nothing.base) == 0
+
+
+@pytest.mark.parametrize("enough", [0.02, 0.3, 0.6])
+def test_gaps_are_filled_until_as_much_is_covered_as_is_enough(enough):
+    mask = disc(150)
+    places = [each.ravel() for each in np.meshgrid(np.arange(100.0, 400, 4), -np.arange(100.0, 400, 4))]
+    twigs = np.column_stack([*places, np.zeros(len(places[0]))])
+    settings = LeafFillSettings(enough=enough)
+    nothing = np.zeros_like(mask)
+    filled = fill_gaps(nothing, mask, mask, twigs, 20.0, 0.5, 10_000, np.random.default_rng(0), settings)
+    across = filled.along[:, :2] * 20.0
+    covered = np.zeros(mask.shape, np.uint8)
+    side = 0.5 * 0.5 * np.column_stack([-across[:, 1], across[:, 0]])
+    start = filled.base[:, :2]
+    for corners in np.stack([start, start + across / 2 + side, start + across, start + across / 2 - side], axis=1):
+        cv2.fillConvexPoly(covered, np.round(corners * [1, -1]).astype(np.int32), 1)
+    assert (covered[mask] == 0).mean() == pytest.approx(enough, abs=0.12)
+
+
+def test_a_crown_from_the_side_is_as_deep_as_its_space():
+    mask = disc(150)
+    bounds = bound_crown(mask)
+    side = view_from_the_side(bounds)
+    assert side.inside.sum() == pytest.approx(2 * bounds.half_depth.max(axis=1).sum(), rel=0.03)
+    assert (side.inside.any(axis=1) == mask.any(axis=1)).mean() > 0.99
+    front = np.array([250.0, -250.0, bounds.half_depth.max(), 1.0])
+    seen = side.from_picture @ front
+    assert np.allclose(np.linalg.det(side.from_picture[:3, :3]), 1)
+    assert seen[0] == pytest.approx(np.flatnonzero(side.inside.any(axis=0))[0], abs=2)  # the viewer stands at the left
+    assert seen[1] == front[1]
+    assert abs(seen[2]) < 1.0
 
 
 def test_a_bare_tree_fills_its_stroke():

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from usdfoliage.crown.silhouette import SilhouetteSettings, fit_star_silhouette
 from usdfoliage.crown.surface import SurfaceSettings, inflate_silhouette
 from usdfoliage.errors import FitError
-from usdfoliage.sketch.drawing import close_gaps
+from usdfoliage.sketch.drawing import close_gaps, rows_and_columns
 
 Floats = NDArray[np.float64]
 
@@ -37,10 +37,7 @@ class CrownBounds:
 
     def rows_and_columns(self, points: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
         """Pixel of each point (..., 2 or 3), and whether it is in the picture."""
-        height, width = self.inside.shape
-        column, row = np.floor(points[..., 0]).astype(np.int64), np.floor(-points[..., 1]).astype(np.int64)
-        within = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        return np.clip(row, 0, height - 1), np.clip(column, 0, width - 1), within
+        return rows_and_columns(points, self.inside.shape)
 
     def contains(self, points: Floats) -> NDArray[np.bool_]:
         """(...,) whether points (..., 3) are inside."""
@@ -132,3 +129,21 @@ def _inflate(inside: NDArray[np.bool_]) -> Floats:
     depth[row, column] = cell * np.where(away[:, 0] < 2 * cell, height, 0.0)
     whole = cv2.resize(np.maximum(depth, 0) / scale, inside.shape[::-1], interpolation=cv2.INTER_LINEAR)
     return np.asarray(whole, np.float64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SideView:
+    """A crown from the right side of its picture. Rows are those of the picture."""
+
+    from_picture: Floats  # (4, 4), from the frame of the picture to that of the view
+    inside: NDArray[np.bool_]  # (H, D)
+
+
+def view_from_the_side(bounds: CrownBounds) -> SideView:
+    """What the space of a crown covers, seen along x, by its depth in each row."""
+    deep = np.where(bounds.inside, bounds.half_depth, 0).max(axis=1)
+    half = int(np.ceil(deep.max())) + 1
+    column = np.arange(2 * half) + 0.5 - half
+    x = np.flatnonzero(bounds.inside.any(axis=0))
+    from_picture = np.array([[0, 0, -1, half], [0, 1, 0, 0], [1, 0, 0, -x.mean() - 0.5], [0, 0, 0, 1.0]])
+    return SideView(from_picture=from_picture, inside=np.abs(column) < deep[:, None])

@@ -42,6 +42,16 @@ def even_out(outline: Floats, reach_px: float) -> Floats:
     return np.asarray(gaussian_filter1d(places, reach_px * _PLACES / length, axis=0, mode="wrap"), np.float64)
 
 
+def rows_and_columns(
+    points: Floats, shape: tuple[int, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Pixel of each point (..., 2 or 3) that has y upwards, in a picture (H, W), and whether it is in the picture."""
+    height, width = shape[:2]
+    column, row = np.floor(points[..., 0]).astype(np.int64), np.floor(-points[..., 1]).astype(np.int64)
+    within = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    return np.clip(row, 0, height - 1), np.clip(column, 0, width - 1), within
+
+
 def dilate(mask: NDArray[np.bool_], by_px: float) -> NDArray[np.bool_]:
     """(H, W) the pixels of a mask, and those that are no farther from it."""
     away = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)

@@ -75,7 +75,7 @@ class Foliage:
     """The leaves of a tree in its photograph."""
 
     mask: NDArray[np.bool_]  # (H, W)
-    pure: NDArray[np.bool_]  # (H, W), of these, where no sky is in the pixel's colour
+    pure: NDArray[np.bool_]  # (H, W), of these, whose colour is one of leaves and has no sky in it
     inside: NDArray[np.bool_]  # (H, W), the region of the stroke, dilated
     leaves: Mixture
     background: Mixture
@@ -135,7 +135,7 @@ def find_foliage(
     size = float(max(high - low)) * scale
     drawn = _near_stroke(inner, None, size, settings)
     right, down = (settings.smoothness / (1 + np.square(np.diff(colors, axis=axis)).sum(axis=2)) for axis in (1, 0))
-    labels, dense = inside, np.zeros(inside.shape)
+    labels, colored, dense = inside, inside, np.zeros(inside.shape)
     for again in range(settings.rounds):
         if again:
             if labels.sum() < _FEW or (~labels & (inside | ring)).sum() < _FEW:
@@ -147,6 +147,7 @@ def find_foliage(
             dense = settings.filled * np.clip(2 * density - 1, 0, 1)
         energy = (log_density(background, flat) - log_density(leaves, flat)).reshape(inside.shape)
         energy = np.clip(energy, -_SURE, _SURE)
+        colored = energy < 0
         if again:
             behind = share_of_tree(colors, sky, labels, size)
             mixed = settings.share_weight * (settings.min_share - behind.share)
@@ -154,7 +155,7 @@ def find_foliage(
             drawn = _near_stroke(inner, measure_margin(stroke, labels, behind.pure, size), size, settings)
         labels = cut_pixels(energy - drawn - dense, right, down, inside)
     behind = share_of_tree(colors, sky, labels, size)
-    pure = labels & ~(behind.known & (behind.share < settings.pure_share))
+    pure = labels & colored & ~(behind.before_sky & (behind.share < settings.pure_share))
     mask, pure, whole = (
         np.pad(_enlarge(part, (x1 - x0, y1 - y0)), ((y0, height - y1), (x0, width - x1)))
         for part in (labels, pure, inside)

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.geometry.directions import unit_vectors
-from usdfoliage.sketch.bounds import CrownBounds
-from usdfoliage.sketch.drawing import SHIFT, fixed_points
+from usdfoliage.sketch.drawing import SHIFT, fixed_points, rows_and_columns
 
 Floats = NDArray[np.float64]
 
@@ -21,6 +20,9 @@ _AT = 0.55  # of a leaf's length, where it covers the gap
 _REACH = 0.9  # of its length, that a gap may be away from a twig
 _TWIGS = 12  # that are compared
 _APART = 0.4  # of a leaf's length, between the gaps that are filled at once
+_AREA = 0.6  # of a leaf's length times its width, that it covers
+_OWN = 0.5  # of that area, that no other leaf covers
+_RIDGE = 0.85  # of the widest place beside it, from which on a place is in the middle of its gap
 _TIP = 0.95  # of its length, that must be over leaves of the picture
 _BEHIND = 0.2  # of a leaf's length: what a twig on the far side counts more
 _TILT = 0.35  # standard deviation of a leaf's slope to the viewer
@@ -32,9 +34,9 @@ _WIDTHS = (0.3, 0.5, 0.3)  # in its width
 class LeafFillSettings:
     """How gaps are filled."""
 
-    rounds: int = 5
-    narrowest: float = 0.12  # of a leaf's length, half of a gap that is filled
-    enough: float = 0.01  # of the leaves in the picture; fewer open pixels need no leaf
+    rounds: int = 12
+    narrowest: float = 0.06  # of a leaf's length, half of a gap that is filled
+    enough: float = 0.004  # of the leaves in the picture; fewer open pixels need no leaf
 
     def __post_init__(self) -> None:
         if not (self.rounds >= 0 and self.narrowest > 0 and 0 <= self.enough < 1):
@@ -43,7 +45,7 @@ class LeafFillSettings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FilledLeaves:
-    """Leaves over gaps, in the frame of the picture."""
+    """Leaves over gaps, in the frame of a view."""
 
     base: Floats  # (N, 3), on a twig
     along: Floats  # (N, 3), unit, to the apex
@@ -52,21 +54,23 @@ class FilledLeaves:
 def fill_gaps(
     covered: NDArray[np.bool_],
     mask: NDArray[np.bool_],
+    allowed: NDArray[np.bool_],
     twigs: Floats,
-    bounds: CrownBounds,
     length_px: float,
     width: float,
     max_leaves: int,
     rng: np.random.Generator,
     settings: LeafFillSettings = LeafFillSettings(),
 ) -> FilledLeaves:
-    """Leaves from twigs over what is not covered.
+    """Leaves from twigs over what is not covered in a view of a tree: the photograph's own, or one from the side.
+
+    Frame of the view: x to the right and y up, in pixels (y is minus the row), z towards the viewer, 0 in the middle.
 
     Args:
         covered: (H, W), by leaves and branches that there are.
-        mask: (H, W), leaves of the photograph.
-        twigs: (N, 3) places on thin twigs, in the frame of the picture.
-        bounds: Of the crown.
+        mask: (H, W), where leaves are to be seen.
+        allowed: (H, W), where a leaf may end: that mask with its narrow gaps.
+        twigs: (N, 3) places on thin twigs, in the frame of the view.
         length_px: Of a leaf.
         width: Of a leaf, in its lengths.
         max_leaves: No more than these.
@@ -81,11 +85,14 @@ def fill_gaps(
         left = max_leaves
         for _ in range(settings.rounds):
             open_px = mask & (drawn == 0)
-            if left <= 0 or open_px.sum() <= settings.enough * mask.sum():
+            needed = float(open_px.sum() - settings.enough * mask.sum())
+            if left <= 0 or needed <= 0:
                 break
             gaps = _choose_gaps(open_px, length_px, settings, rng)
-            base, along = _leaves_over(gaps, twigs, tree, bounds, length_px, rng)
-            base, along = base[:left], along[:left]
+            base, along = _leaves_over(gaps, twigs, tree, allowed, length_px, rng)
+            # Leaves lie over each other, about half of each over others; the next round covers what is left.
+            count = min(left, int(np.ceil(needed / (_OWN * _AREA * width * length_px**2))))
+            base, along = base[:count], along[:count]
             if not len(base):
                 break
             bases.append(base)
@@ -100,7 +107,8 @@ def _choose_gaps(
 ) -> Floats:
     """(G, 2) middles of gaps, the widest first and none near another, in the frame of the picture."""
     away = cv2.distanceTransform(np.pad(open_px, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
-    row, column = np.nonzero(away >= max(1.0, settings.narrowest * length_px))
+    middle = away >= _RIDGE * cv2.dilate(away, np.ones((3, 3), np.uint8))
+    row, column = np.nonzero(middle & (away >= max(1.0, settings.narrowest * length_px)))
     if not len(row):
         return np.zeros((0, 2))
     wide = away[row, column] + rng.random(len(row))
@@ -116,7 +124,7 @@ def _choose_gaps(
 
 
 def _leaves_over(
-    gaps: Floats, twigs: Floats, tree: cKDTree, bounds: CrownBounds, length_px: float, rng: np.random.Generator
+    gaps: Floats, twigs: Floats, tree: cKDTree, allowed: NDArray[np.bool_], length_px: float, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """(N, 3) bases and (N, 3) directions of a leaf over each gap that has a twig beside it."""
     if not len(gaps):
@@ -130,9 +138,10 @@ def _leaves_over(
     away = np.linalg.norm(across, axis=2)
     flat = across / np.maximum(away, 1e-9)[..., None]
     tips = twigs[near, :2] + _TIP * length_px * flat
+    row, column, within = rows_and_columns(tips, allowed.shape)
     score = (
         np.abs(away - _AT * length_px)
-        + length_px * ~bounds.shows_leaves(tips)
+        + length_px * ~(within & allowed[row, column])
         + _BEHIND * length_px * (twigs[near, 2] < 0)
         + 10 * length_px * ((away > _REACH * length_px) | (away < 1e-3))
     )

@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _NEAR = 0.05  # of the crown's size, within which colours of sky and of leaves are taken
+_WIDER = 5.0  # times as far, where none is as near as that
 _SOME = 0.03  # weight of sky near a pixel, from which on it is known
 _BESIDE_PX = 2.0  # from leaves, that pure sky keeps; and leaves from what is none
 _APART = 30.0  # difference of colours, from which on a share is known
@@ -25,7 +26,8 @@ class SkyBehind:
     """The share of the tree in pixels that have sky beside them."""
 
     share: Floats  # (H, W) 0 sky, 1 tree; may leave that range
-    known: Mask  # (H, W)
+    known: Mask  # (H, W), sky is beside the pixel
+    before_sky: Mask  # (H, W), sky is in that part of the crown, and may shine through
     pure: Mask  # (H, W) sky alone
 
 
@@ -42,12 +44,14 @@ def share_of_tree(colors: Floats, sky: Mask, tree: Mask, size_px: float) -> SkyB
     pure = sky & (_away_from(tree) > _BESIDE_PX)
     deep = tree & (_away_from(~tree) > _BESIDE_PX)
     deep = deep if deep.any() else tree
-    of_sky, near_sky = _mean_near(colors, pure, sigma)
-    of_tree, _ = _mean_near(colors, deep, 2 * sigma)
+    far_sky, some_sky = _mean_near(colors, pure, _WIDER * sigma, _mean(colors, pure))
+    of_sky, near_sky = _mean_near(colors, pure, sigma, far_sky)
+    of_tree, _ = _mean_near(colors, deep, 2 * sigma, _mean(colors, deep))
     across = of_tree - of_sky
     square = (across**2).sum(axis=2)
     share = ((colors - of_sky) * across).sum(axis=2) / np.maximum(square, 1.0)
-    return SkyBehind(share=share, known=(near_sky > _SOME) & (square > _APART**2), pure=pure)
+    apart = square > _APART**2
+    return SkyBehind(share=share, known=(near_sky > _SOME) & apart, before_sky=(some_sky > _SOME) & apart, pure=pure)
 
 
 def _away_from(mask: Mask) -> NDArray[np.float32]:
@@ -57,10 +61,16 @@ def _away_from(mask: Mask) -> NDArray[np.float32]:
     return np.asarray(cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE))
 
 
-def _mean_near(colors: Floats, mask: Mask, sigma: float) -> tuple[Floats, Floats]:
-    """(H, W, 3) the mean colour of a mask's pixels near each place, and (H, W) the weight that they have there."""
+def _mean(colors: Floats, mask: Mask) -> Floats:
+    """(3,) the mean colour of a mask's pixels; of all where it is empty."""
+    return np.asarray(colors[mask].mean(axis=0) if mask.any() else colors.mean(axis=(0, 1)))
+
+
+def _mean_near(colors: Floats, mask: Mask, sigma: float, else_: Floats) -> tuple[Floats, Floats]:
+    """(H, W, 3) the mean colour of a mask's pixels near each place, and (H, W) the weight that they have there.
+
+    Far from all of them it is another one, (3,) or (H, W, 3).
+    """
     weight = cv2.GaussianBlur(mask.astype(np.float64), (0, 0), sigma)
     total = cv2.GaussianBlur(colors * mask[..., None], (0, 0), sigma)
-    all_of_it = colors[mask].mean(axis=0) if mask.any() else colors.mean(axis=(0, 1))
-    # Far from all of them it is the mean of all.
-    return (total + 1e-4 * all_of_it) / (weight + 1e-4)[..., None], weight
+    return (total + 1e-4 * else_) / (weight + 1e-4)[..., None], weight

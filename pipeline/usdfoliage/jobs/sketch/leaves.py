@@ -16,10 +16,11 @@ from usdfoliage.leaf.change import join_leaves
 from usdfoliage.leaf.model import LeafOrigin, Leaves
 from usdfoliage.leaf.shape.jitter import spread_phases
 from usdfoliage.leaf.shape.surface import evaluate_points
+from usdfoliage.sketch.bounds import view_from_the_side
 from usdfoliage.sketch.drawing import SHIFT, fixed_points
 from usdfoliage.sketch.growth import crown_size
 from usdfoliage.sketch.leaf_choice import fit_leaves
-from usdfoliage.sketch.leaf_fill import fill_gaps
+from usdfoliage.sketch.leaf_fill import LeafFillSettings, fill_gaps
 from usdfoliage.sketch.leaf_scale import measure_leaf_length
 from usdfoliage.sketch.reconstruct import SketchedTree
 
@@ -73,10 +74,12 @@ def grow_sketch_leaves(
     assert grown is not None
     rng = np.random.default_rng([request.seed, 1])
     leaves = _choose_leaves(grown.foliage.leaves, tree, linear, rng)
-    filled = _fill_leaves(leaves, grown.foliage.leaves, skeleton, species, tree, request.max_leaves - len(leaves), rng)
-    if len(filled):
-        leaves = join_leaves([leaves, _choose_leaves(filled, tree, linear, rng)])
-        leaves = replace(leaves, phase=spread_phases(len(leaves)))
+    for view_of in (_front_view, _side_view):
+        view = view_of(tree, leaves)
+        filled = _fill_leaves(leaves, grown.foliage.leaves, skeleton, species, view, request.max_leaves, rng)
+        if len(filled):
+            leaves = join_leaves([leaves, _choose_leaves(filled, tree, linear, rng)])
+    leaves = replace(leaves, phase=spread_phases(len(leaves)))
     if request.density < 1:  # of nodes that are farther apart every short shoot would keep one
         drawn = np.random.default_rng([request.seed, 2]).random(len(leaves))
         leaves = leaves.take(np.flatnonzero(drawn < request.density))
@@ -123,37 +126,66 @@ def _choose_leaves(leaves: Leaves, tree: SketchedTree, linear: NDArray[np.float3
     return replace(leaves, color=fitting.color, origin=origin).take(np.flatnonzero(fitting.kept))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _View:
+    """From where leaves are seen, and what they are to cover there."""
+
+    from_asset: Floats  # (4, 4)
+    mask: Mask  # (H, W), where leaves are to be seen
+    allowed: Mask  # (H, W), that with its narrow gaps
+    enough: float = LeafFillSettings().enough  # share that may stay open
+
+
+def _front_view(tree: SketchedTree, _leaves: Leaves) -> _View:
+    """The photograph's own."""
+    return _View(from_asset=_picture_from_asset(tree), mask=tree.foliage.mask, allowed=tree.bounds.leaves)
+
+
+def _side_view(tree: SketchedTree, leaves: Leaves) -> _View:
+    """From the side, where the crown is as dense as from the front, whose gaps the photograph shows."""
+    inside = tree.bounds.inside
+    covered = (_covered(leaves, _front_view(tree, leaves)) & inside).sum() / max(inside.sum(), 1)
+    side = view_from_the_side(tree.bounds)
+    return _View(
+        from_asset=side.from_picture @ _picture_from_asset(tree),
+        mask=side.inside,
+        allowed=side.inside,
+        enough=float(1 - covered),
+    )
+
+
 def _fill_leaves(
     leaves: Leaves,
     every: Leaves,
     skeleton: Skeleton,
     species: Species,
-    tree: SketchedTree,
+    view: _View,
     max_leaves: int,
     rng: np.random.Generator,
 ) -> Leaves:
-    """Leaves over the gaps that the chosen ones leave, each of the form of one of all."""
+    """Leaves over the gaps that the chosen ones leave in a view, each of the form of one of all."""
     if not len(every):
         return every
-    to_picture = _picture_from_asset(tree)
-    scale = float(np.linalg.norm(to_picture[:3, 0]))
+    scale = float(np.linalg.norm(view.from_asset[:3, 0]))
     filled = fill_gaps(
-        _covered(leaves, tree),
-        tree.foliage.mask,
-        _places_on_twigs(skeleton, species, to_picture),
-        tree.bounds,
+        _covered(leaves, view),
+        view.mask,
+        view.allowed,
+        _places_on_twigs(skeleton, species, view.from_asset),
         species.leaf_length_m * scale,
         species.leaf_width,
-        max_leaves,
+        max_leaves - len(leaves),
         rng,
+        LeafFillSettings(enough=view.enough),
     )
     count = len(filled.base)
     if not count:
-        return every.take([])
+        return every.take(np.zeros(0, int))
     like = every.take(rng.integers(len(every), size=count))
-    y = filled.along
-    x = vectors_across(y, unit_vectors(_LIGHT + rng.normal(0, _SCATTER, (count, 3))))
-    to_asset = np.linalg.inv(to_picture)
+    to_asset = np.linalg.inv(view.from_asset)
+    turn = to_asset[:3, :3] * scale
+    y = filled.along @ turn.T
+    x = vectors_across(y, unit_vectors((_LIGHT + rng.normal(0, _SCATTER, (count, 3))) @ turn.T))
     return replace(
         like,
         base_m=filled.base @ to_asset[:3, :3].T + to_asset[:3, 3],
@@ -162,10 +194,10 @@ def _fill_leaves(
     )
 
 
-def _places_on_twigs(skeleton: Skeleton, species: Species, to_picture: Floats) -> Floats:
-    """(N, 3) places on the twigs that carry leaves, in the frame of the picture."""
+def _places_on_twigs(skeleton: Skeleton, species: Species, to_view: Floats) -> Floats:
+    """(N, 3) places on the twigs that carry leaves, in the frame of a view."""
     thin_m = max(species.twig_radius_m, OF_ROOT * float(skeleton.radius_m[0]))
-    points = skeleton.points_m @ to_picture[:3, :3].T + to_picture[:3, 3]
+    points = skeleton.points_m @ to_view[:3, :3].T + to_view[:3, 3]
     same = skeleton.curve[1:] == skeleton.curve[:-1]
     thin = np.maximum(skeleton.radius_m[1:], skeleton.radius_m[:-1]) <= thin_m
     one = np.flatnonzero(same & thin)
@@ -178,15 +210,14 @@ def _places_on_twigs(skeleton: Skeleton, species: Species, to_picture: Floats) -
     return np.asarray(points[one][segment] + share[:, None] * step[segment])
 
 
-def _covered(leaves: Leaves, tree: SketchedTree) -> Mask:
-    """(H, W) what leaves cover in the photograph, by their outlines."""
-    drawn = np.zeros(tree.foliage.mask.shape, np.uint8)
+def _covered(leaves: Leaves, view: _View) -> Mask:
+    """(H, W) what leaves cover in a view, by their outlines."""
+    drawn = np.zeros(view.mask.shape, np.uint8)
     if not len(leaves):
         return drawn > 0
     around = [(1.0, v) for v in _OUTLINE_V] + [(-1.0, v) for v in _OUTLINE_V[-2:0:-1]]
     points = evaluate_points(leaves.parameters, np.array(around), placements=leaves.asset_from_leaf())
-    photo_from_asset = np.linalg.inv(tree.asset_from_photo)
-    flat = (points @ photo_from_asset[:3, :3].T + photo_from_asset[:3, 3])[..., :2]
+    flat = (points @ view.from_asset[:3, :3].T + view.from_asset[:3, 3])[..., :2] * [1, -1]
     for corners in fixed_points(flat):
         cv2.fillPoly(drawn, [corners], 1, shift=SHIFT)
     return drawn > 0
