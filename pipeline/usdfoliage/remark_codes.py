@@ -633,14 +633,6 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 ),
                 action='Set `branches.make` to `"on"`, best with `branches.roots`, to trace them nevertheless.',
             ),
-            "branches-of-scan-left-out": RemarkKind(
-                severity="warning",
-                meaning=(
-                    "A scan shows no stem at a root and hardly a round branch, as of a hedge. The plant has no "
-                    "branches, and what is taken for its leaves may be anything."
-                ),
-                action='Set `branches.make` to `"on"`, best with `branches.roots`, or use `usdfoliage branches`.',
-            ),
             "traced-coarsely": RemarkKind(
                 severity="info",
                 meaning=(
@@ -749,6 +741,14 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 severity="info",
                 meaning="Which axis of the cloud points up, and by what it was found.",
                 action="Give the up axis if it is wrong.",
+            ),
+            "cloud-up-unusual": RemarkKind(
+                severity="warning",
+                meaning=(
+                    "The axis that points up is neither +Z nor +Y, as it is in nearly all files. A limb that leans may "
+                    "be taken for a trunk where the cloud is a part of a plant."
+                ),
+                action="Look at the picture of the plant, and give the up axis if it is wrong.",
             ),
             "ground-left-out": RemarkKind(
                 severity="info",

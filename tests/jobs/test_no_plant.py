@@ -110,9 +110,12 @@ def test_a_build_of_a_cloud_alone_refuses_it_and_names_its_setting(tmp_path, mon
     assert asked == [True, False, False]
 
 
-@pytest.mark.parametrize(("photographs", "severity"), [(False, "warning"), (True, "info")])
-def test_a_build_of_a_scan_without_stems_warns_that_it_has_no_branches(tmp_path, monkeypatch, photographs, severity):
+@pytest.mark.parametrize("photographs", [False, True])
+def test_a_build_of_a_scan_alone_traces_it_as_branches_does(tmp_path, monkeypatch, photographs):
+    asked = []
+
     def find_branches(request, *others):
+        asked.append(request.needs_stems)
         raise NoStemsError("a hedge")
 
     monkeypatch.setattr(parts, "find_branches", find_branches)
@@ -126,9 +129,9 @@ def test_a_build_of_a_scan_without_stems_warns_that_it_has_no_branches(tmp_path,
         has=lambda name: photographs and name == parts.CLOUD,
     )
     assert parts.trace_branches(call) == ()
+    assert asked == [photographs]
     (left_out,) = read_summary(tmp_path).remarks
-    assert left_out.text.startswith("the plant has no branches")
-    assert left_out.severity == severity
+    assert left_out.code == "branches-left-out"
 
 
 def test_other_commands_take_any_cloud(tmp_path):

@@ -70,6 +70,18 @@ def test_points_strewn_all_over_the_box_are_left_out_before_up_is_looked_for(tmp
     assert 14_000 < len(plant.source.points_m) < 17_500
 
 
+@pytest.mark.parametrize(("turn", "code"), [(0, "cloud-up"), (1, "cloud-up-unusual")])
+def test_a_plant_along_an_axis_that_files_rarely_have_up_is_warned_of(tmp_path, turn, code):
+    rng = np.random.default_rng(5)
+    pole_m, _ = pole(8000)
+    crown_m = rng.normal(size=(8000, 3))
+    crown_m = 0.7 * crown_m / np.linalg.norm(crown_m, axis=1)[:, None] + [0, 0, HEIGHT_M]
+    write_ply(tmp_path / "plant.ply", np.roll(np.concatenate([pole_m, crown_m]), turn, axis=1), None)
+    plant = read_plant_cloud(PlantCloudRequest(path=tmp_path / "plant.ply", roots=RootSettings(), unit="m"))
+    assert [each.code for each in plant.remarks if each.code.startswith("cloud-up")] == [code]
+    assert np.ptp(plant.points_m[:, 1]) == pytest.approx(2.7, rel=0.05)
+
+
 def test_outliers_are_left_out_with_a_remark(tmp_path):
     points, colors = pole(5000)
     outliers = np.array([[3.0, 0, 0.4]]) + np.random.default_rng(1).normal(0, 0.02, (60, 3))

@@ -140,7 +140,10 @@ def read_plant_cloud(request: PlantCloudRequest, progress: StepProgress | None =
         axis = up.axis
         is_stated = up.sure and source.stated_up is not None  # what is found is wrong for some plants, however clear
         remedy: Remedy = () if is_stated else ("give ", Setting(name="capture.toml:up_axis"), " if that is wrong")
-        remarks.append(remark("cloud-up", up.how, remedy=remedy))
+        if up.rare:
+            remarks.append(remark("cloud-up-unusual", up.how, remedy=remedy))
+        else:
+            remarks.append(remark("cloud-up", up.how, remedy=remedy))
     turn = turn_to_y_up(axis)
     points_m = source.points_m @ turn.T
     ground = find_plant_ground(points_m) if request.has_ground else PlantGround(ground=no_ground(points_m))

@@ -12,7 +12,7 @@ from usdfoliage.errors import AssetError
 from usdfoliage.geometry.smooth_mesh import choose_levels, refine_smooth
 
 VALIDATOR = "usdfoliage:WoodChecker"
-MAX_BARE = 0.01  # share of the axes' length
+MAX_BARE = 0.002  # share of the axes' length
 _MAX_FACES = 1_000_000  # of the surface, refined
 
 
@@ -63,7 +63,7 @@ def check_wood(stage: Usd.Stage) -> list[Finding] | None:
             _finding(
                 "BareAxis",
                 curves,
-                f"{found.bare:.1%} of the branches' length has no surface; build the asset again",
+                f"{found.bare:.2%} of the branches' length has no surface; build the asset again",
             )
         )
     return findings

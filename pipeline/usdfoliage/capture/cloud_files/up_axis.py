@@ -49,6 +49,7 @@ class CloudUp:
     axis: NDArray[np.float64]  # (3,), unit, one of ±X, ±Y, ±Z of the cloud
     how: str  # a phrase for the user: by what it was found, and what speaks against it
     sure: bool  # False: worth a look
+    rare: bool = False  # it was found, and is another one than nearly all files have, +Z or +Y
 
 
 class _Trunk(NamedTuple):
@@ -119,7 +120,8 @@ def find_cloud_up(points_m: NDArray[np.float64], stated: str | None = None, form
             )
         return CloudUp(axis=axis_vector(axis), how=f"{axis} as stated", sure=True)
     if is_clear:
-        return CloudUp(axis=axis_vector(best), how=f"{best} by {evidence[best].text}", sure=is_sure)
+        how = f"{best} by {evidence[best].text}"
+        return CloudUp(axis=axis_vector(best), how=how, sure=is_sure, rare=best not in ("+Z", "+Y"))
     reason = "as in most such files" if format_up is not None else "assumed"
     return CloudUp(
         axis=axis_vector(prior),

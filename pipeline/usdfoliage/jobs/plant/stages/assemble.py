@@ -66,8 +66,7 @@ _NEAR, _REACHED = 0.1, 0.5  # of the plant's height, and share of the cloud that
 _BETWEEN = (0.2, 0.4, 0.6, 0.8)  # places on a branch between two of its points
 _MAX_POINTS = 50_000  # of the cloud, from which that share is measured
 _MAX_CHARACTERS = 400  # characters of why a part could not be made
-# Codes of remarks on why a plant has no such part.
-_LEFT_OUT = ("branches-left-out", "branches-of-scan-left-out", "crown-of-no-leaves")
+_LEFT_OUT = ("branches-left-out", "crown-of-no-leaves")  # codes of remarks on why a plant has no such part
 
 _COVER = "of the cloud is near leaves; where leaves are green, of its green points"
 LEAF_NUMBERS = "leaf_numbers.npz"  # number (L,): which leaf of the asset each found one is, -1 for none

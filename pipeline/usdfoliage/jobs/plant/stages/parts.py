@@ -59,7 +59,7 @@ from usdfoliage.jobs.plant_cloud import PlantCloudRequest, read_roots
 from usdfoliage.jobs.report.table import Row, WrittenReport
 from usdfoliage.jobs.work.settings_file import set_everywhere
 from usdfoliage.leaf.model_file import write_leaves_model
-from usdfoliage.remarks import Remark, Remedy, Setting, remark
+from usdfoliage.remarks import Remark, Setting, remark
 
 logger = logging.getLogger(__name__)
 
@@ -102,7 +102,8 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
         max_faces=settings.max_faces,
         seed=call.settings.seed,
         times=False,
-        needs_stems=settings.make == "auto",
+        # Photographs show that a plant is one of leaves; a scan alone is traced as the command for branches traces it.
+        needs_stems=settings.make == "auto" and call.has(CLOUD),
         color_of_cloud=call.has(CLOUD),  # a scan may be coloured by height or intensity
     )
     seconds: dict[str, float] = {}
@@ -118,19 +119,16 @@ def trace_branches(call: StageCall) -> tuple[ResultFile, ...]:
     except NoPlantError:
         raise
     except NoStemsError:
-        text = (
+        left_out = remark(
+            "branches-left-out",
             "the plant has no branches: the cloud shows no stem at a root and hardly a round branch, as of a hedge or "
-            "a wall of leaves"
+            "a wall of leaves",
+            remedy=(
+                Setting(name="branches.make", value='"on"'),
+                " traces them nevertheless, best with ",
+                Setting(name="branches.roots"),
+            ),
         )
-        traces: Remedy = (
-            Setting(name="branches.make", value='"on"'),
-            " traces them nevertheless, best with ",
-            Setting(name="branches.roots"),
-        )
-        if call.has(CLOUD):
-            left_out = remark("branches-left-out", text, remedy=traces)
-        else:  # photographs show that a plant is one of leaves; of a scan alone they may be anything
-            left_out = remark("branches-of-scan-left-out", text, remedy=traces)
         write_summary(call.out, StageSummary(remarks=[left_out, *failures]))
         return ()
     except FoliageError as error:
