@@ -47,3 +47,25 @@ def test_a_trunk_goes_on_into_the_crown_that_hides_it():
     radius = radius_of(half)
     even = 10.0 * (1 - 0.88 * np.linspace(0, 1, COUNT) ** 0.9)
     assert np.all(radius >= 0.69 * even)
+
+
+def test_a_hidden_trunk_is_as_thick_as_the_limbs_that_it_carries_ask_for():
+    """Two limbs leave it at three quarters of its height, each as long as itself: below them it hardly tapers."""
+    stem = trunk(np.where(np.arange(COUNT) < 12, 10.0, 1.0))
+    limbs = [
+        Axis(
+            points=stem.points[30] + np.linspace(0, 400.0, 20)[:, None] * [side, 0.3, 0],
+            half=np.full(20, np.nan),
+            parent=0,
+            parent_point=30,
+            order=1,
+            inferred=False,
+        )
+        for side in (-1, 1)
+    ]
+    radius = find_radii([stem, *limbs], exponent=0.5, tip_px=0.5, stem_px=5.0)[0]
+    alone = radius_of(stem.half)
+    carried = 1 + 2 * np.linalg.norm([1, 0.3])
+    assert radius[29] == pytest.approx(0.7 * 10.0 * np.sqrt((carried - 0.725) / carried), rel=0.05)
+    assert radius[29] > 1.5 * alone[29]
+    assert radius[31] < 0.8 * radius[29]

@@ -17,7 +17,8 @@ TAPER = 0.35  # of its radius at the base, that a branch has at its tip
 TRUNK_TAPER = 0.12
 _UPPER = 0.75  # expectile of the widths that are seen: leaves and twigs before a trunk hide parts of it
 _WIDEST = 1.6  # times the radius near the root; what is wider is a shadow, or a plant behind
-_NARROWEST = 0.7  # of a trunk that tapers evenly; what is narrower is hidden by the crown
+_NARROWEST = 0.7  # of a trunk that tapers evenly, or carries what it does; what is narrower is hidden by the crown
+_PIPES = 0.5  # exponent of what a trunk carries where the species has none: its section is that of its branches
 _ROUNDS = 12  # in which the weights of that expectile settle
 _PLACES = 129  # along a trunk, where its radius is smoothed
 _SMOOTH = 3.0  # of these places: standard deviation of the smoothing
@@ -26,8 +27,9 @@ _SMOOTH = 3.0  # of these places: standard deviation of the smoothing
 def find_radii(axes: Sequence[Axis], exponent: float | None, tip_px: float, stem_px: float) -> list[Floats]:
     """(K,) radius along each axis, in pixels.
 
-    The radius of a trunk is that of the picture at its root. A branch has its share of the length that its parent
-    carries there, to the power of the species' exponent, and never more than the picture shows.
+    The radius of a trunk is that of the picture at its root, and above it not much less than its branches ask for. A
+    branch has its share of the length that its parent carries there, to the power of the species' exponent, and never
+    more than the picture shows.
 
     Args:
         axes: Each after its parent.
@@ -45,7 +47,12 @@ def find_radii(axes: Sequence[Axis], exponent: float | None, tip_px: float, stem
         arc = arc_lengths(axis.points)
         share = arc / max(arc[-1], 1e-9)
         if axis.parent < 0:
-            radii.append(_trunk_radius(axis, share, max(_seen_at_root(axis) or stem_px, 2 * tip_px), tip_px))
+            above = arc[-1] - arc
+            for child, each in enumerate(axes):
+                if each.parent == number:
+                    above[: each.parent_point + 1] += carried[child]
+            asked = (above / max(above[0], 1e-9)) ** (_PIPES if exponent is None else exponent)
+            radii.append(_trunk_radius(axis, share, asked, max(_seen_at_root(axis) or stem_px, 2 * tip_px), tip_px))
             continue
         parent = float(radii[axis.parent][axis.parent_point])
         factor = OF_PARENT if exponent is None else (carried[number] / max(carried[axis.parent], 1e-9)) ** exponent
@@ -58,9 +65,17 @@ def find_radii(axes: Sequence[Axis], exponent: float | None, tip_px: float, stem
     return radii
 
 
-def _trunk_radius(axis: Axis, share: Floats, base: float, tip_px: float) -> Floats:
-    """(K,) radius of a trunk: as the picture shows it, and where it is hidden tapering from there to its tip."""
-    tapering = 1 - (1 - TRUNK_TAPER) * share**0.9
+def _trunk_radius(axis: Axis, share: Floats, asked: Floats, base: float, tip_px: float) -> Floats:
+    """(K,) radius of a trunk: as the picture shows it, and where it is hidden tapering from there to its tip.
+
+    Args:
+        axis: The trunk.
+        share: (K,) of its length, from 0 to 1.
+        asked: (K,) of its radius at the root, that what it carries asks for.
+        base: Radius at the root.
+        tip_px: Radius at the tip.
+    """
+    tapering = np.maximum(1 - (1 - TRUNK_TAPER) * share**0.9, asked)
     radius = base * tapering
     known = np.flatnonzero(np.isfinite(axis.half))
     if len(known):

@@ -24,6 +24,7 @@ from usdfoliage.jobs.sketch.leaves import SketchLeaves, grow_sketch_leaves
 from usdfoliage.progress import StepProgress, follow_step
 from usdfoliage.remarks import Remark, remark
 from usdfoliage.sketch.choices import SketchChoices
+from usdfoliage.sketch.drawing import arc_lengths, points_at
 from usdfoliage.sketch.foliage import Foliage
 from usdfoliage.sketch.growth import Watch
 from usdfoliage.sketch.reconstruct import SketchedTree, SketchSettings, sketch_tree
@@ -239,7 +240,8 @@ def _with_motion(branches: PlantBranches, foliage: BranchLeaves | None, settings
 
 def _bark_color(srgb: NDArray[np.uint8], strokes: TreeStrokes, tree: SketchedTree) -> tuple[float, float, float] | None:
     """The median colour of the pixels that show branches, linear; None where too few do."""
-    points = np.concatenate([each.points_px for each in tree.traced.branches if each.parent < 0])
+    stems = [each.points_px for each in tree.traced.branches if each.parent < 0]
+    points = np.concatenate([points_at(stem, np.arange(0.0, arc_lengths(stem)[-1] + 1)) for stem in stems])
     x, y = np.clip(np.floor(points).astype(int), 0, [srgb.shape[1] - 1, srgb.shape[0] - 1]).T
     shows = ~tree.foliage.mask[y, x] | (tree.traced.likely[y, x] > 0)
     below = shows & ~tree.foliage.inside[y, x]  # in the crown sky and shade lie beside what is no leaf
