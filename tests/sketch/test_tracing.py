@@ -1,5 +1,7 @@
 """Branches of a drawn tree, traced from one stroke."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from usdfoliage.sketch.foliage import find_foliage
@@ -78,3 +80,16 @@ def test_a_stem_that_has_the_colours_of_leaves_is_measured_below_the_crown():
     open_px = trunk.points_px[:, 1] > np.nonzero(foliage.inside)[0].max() + 10
     assert open_px.any()
     np.testing.assert_allclose(trunk.half_px[open_px], below[300].sum() / 2, atol=1.5)
+
+
+def test_what_looks_like_bark_below_the_crown_is_no_branch():
+    """Shade under a crown lies along its lower border, and joins the stem."""
+    tree = draw_bare()
+    bottom = int(tree.strokes.crown_px[:, 1].max())
+    odds = np.full(tree.srgb.shape[:2], -5, np.float32)
+    odds[200:480, 194:207] = 5  # the stem
+    odds[250:256, 200:330] = 5  # a limb in the crown
+    odds[bottom + 1 : bottom + 6, 60:340] = 5
+    stroke = np.array([[200.0, 475.0], [200.0, 205.0]])
+    traced = trace_tree(odds, replace(tree.strokes, branches_px=(stroke,)))
+    assert [round(float(branch.points_px[-1, 1]), -1) for branch in traced.branches[1:]] == [250]

@@ -46,6 +46,7 @@ class TraceSettings:
     border_cost: float = 2.0  # of a pixel at the border of a branch
     widest: float = 1.0  # of the parent's thickness
     shortest: float = 40.0  # branch that counts
+    within: float = 0.5  # of a branch, that is inside of the crown's stroke: shade below it looks like bark
     beyond: float = 0.03  # of the crown's width, that branches may go beyond its stroke
 
     def __post_init__(self) -> None:
@@ -160,7 +161,7 @@ def trace_tree(
     crown = fill_outline(strokes.crown_px, (width, height))
     domain = dilate(crown, settings.beyond * float(np.ptp(strokes.crown_px[:, 0])))
     growth = _Growth(depth, drawn)
-    paths = _cheapest_paths(odds, depth, domain, growth.owner >= 0, scale, settings)
+    paths = _cheapest_paths(odds, depth, crown, domain, growth.owner >= 0, scale, settings)
     shortest = settings.shortest * scale
     for end in paths.ends:
         growth.add_path(paths, int(end), shortest, settings)
@@ -174,11 +175,13 @@ class _Paths:
     before: NDArray[np.int64]  # (H * W,) the pixel before on its way, -1 at a stroke and where there is none
     ends: NDArray[np.int64]  # (E,) pixels of branches, by the length of their ways, the longest first
     shows: NDArray[np.bool_]  # (H * W,) whether a pixel is one of a branch
+    crown: NDArray[np.bool_]  # (H * W,) inside of the crown's stroke
 
 
 def _cheapest_paths(
     odds: NDArray[np.float32],
     depth: NDArray[np.float32],
+    crown: NDArray[np.bool_],
     domain: NDArray[np.bool_],
     begin: NDArray[np.bool_],
     scale: float,
@@ -211,7 +214,7 @@ def _cheapest_paths(
     back[pixel] = np.where(before >= 0, pixel[np.maximum(before, 0)], -1)
     reached = np.isfinite(cost) & shows.ravel()[pixel] & (cost > 0)
     order = np.argsort(-cost[reached], kind="stable")
-    return _Paths(before=back, ends=pixel[reached][order], shows=shows.ravel())
+    return _Paths(before=back, ends=pixel[reached][order], shows=shows.ravel(), crown=crown.ravel())
 
 
 @dataclass(eq=False)
@@ -287,6 +290,7 @@ class _Growth:
         if (
             arc[-1] < shortest
             or visible < settings.through
+            or paths.crown[pixels].mean() < settings.within
             or np.median(half) > settings.widest * float(carrying.half[at]) + 0.5
         ):
             owner[pixels[owner[pixels] == _FREE]] = _NONE
