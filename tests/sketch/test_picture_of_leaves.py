@@ -101,6 +101,17 @@ def test_a_proposal_is_completed_by_what_stands_before_the_sky():
     assert (complete & ~crown & (row < 295)).sum() < 0.03 * crown.sum()
 
 
+def test_a_plant_that_joins_a_crown_in_its_last_rows_before_the_sky_makes_it_no_wider():
+    row, column = np.mgrid[:SIZE, :SIZE]
+    crown = disc(130, (250, 230))
+    beside = (row > 288) & (column > 350) & (column < 460)
+    solid = crown | beside | (row >= 300)
+    colors = np.where(solid[..., None], LEAF, SKY)
+    complete = complete_before_sky(disc(60, (250, 290)), ~solid, colors)
+    assert complete[310:, 400:].sum() == 0
+    assert complete[310:][crown[310:]].mean() > 0.8
+
+
 def test_sky_in_a_gap_far_from_the_crowns_border_is_no_color_of_leaves():
     tree = disc(200)
     mixed = 0.5 * (np.asarray(LEAF, float) + np.asarray(SKY, float))

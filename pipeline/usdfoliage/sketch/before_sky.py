@@ -46,8 +46,9 @@ def complete_before_sky(mask: Mask, sky: Mask, colors: NDArray[np.float64]) -> M
     if len(of_part) < _ENOUGH * height:
         return mask
     lower = part[last - round(_LOWEST * len(of_part)) : last + 1]
-    across = np.flatnonzero(lower.any(axis=0))
-    middle, half = (across[0] + across[-1]) / 2, (across[-1] - across[0] + 1) / 2
+    # Medians of the rows: what stands beside the tree may join it in the last ones.
+    left, right = lower.argmax(axis=1), lower.shape[1] - 1 - lower[:, ::-1].argmax(axis=1)
+    middle, half = (float(np.median(each)) for each in ((left + right) / 2, (right - left + 1) / 2))
     bottom = min(bottom, last + round(_BELOW * 2 * half))
     likely, widest = (_closing(mask.shape, last, bottom, middle, wider * half) for wider in (1.0, _WIDER))
     rest = mask & widest
