@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +24,7 @@ MAX_CROSSED = 0.1  # of a crown's area, or of the length of a branch, that a str
 _PLACES = 500  # on a stroke, between which it is looked at
 _WORK_PX = 400  # longer side of the picture in which areas are measured
 OUTSIDE = 0.02  # of the picture's longer side, that a stroke may go beyond its border
+MIN_STEM = 0.03  # of the crown's longer side, that a first branch has in length; less is a click, or no stem
 _DRAW = "draw the strokes again, over this photograph"
 
 
@@ -57,6 +59,8 @@ def name_tree(number: int) -> str:
 
 def find_strokes(photo: Path) -> Path | None:
     """The strokes beside a photograph; None where there is no such file."""
+    if not photo.name:  # a folder such as "." or "/"
+        return None
     beside = strokes_beside(photo)
     return beside if os.path.isfile(beside) else None  # noqa: PTH113 (Path.is_file raises for names too long)
 
@@ -146,8 +150,8 @@ def check_strokes(strokes: Strokes, width_px: int, height_px: int, name: str) ->
         name: Of the strokes' file, for the message.
 
     Raises:
-        CaptureError: They were drawn over a picture of another size, lie outside of this one, or cross themselves, or
-            a tree's first branch does not go up.
+        CaptureError: They were drawn over a picture of another size, lie outside of this one, cross themselves, or are
+            too small, or a tree's first branch does not go up.
     """
     if (strokes.width_px, strokes.height_px) != (width_px, height_px):
         raise CaptureError(
@@ -157,6 +161,10 @@ def check_strokes(strokes: Strokes, width_px: int, height_px: int, name: str) ->
         )
     _check_places(strokes, width_px, height_px, name)
     for number, tree in enumerate(strokes.trees, 1):
+        if _encloses_nothing(tree.crown_px):
+            raise CaptureError(
+                f"the crown of tree {number} in {name} encloses nothing", "draw it around the leaves of the tree"
+            )
         if _crosses_itself(tree.crown_px):
             raise CaptureError(
                 f"the crown of tree {number} in {name} crosses itself", "draw it once around the leaves, in one turn"
@@ -166,6 +174,13 @@ def check_strokes(strokes: Strokes, width_px: int, height_px: int, name: str) ->
                 raise CaptureError(
                     f"branch {k} of tree {number} in {name} crosses itself", "draw it along the branch, from its foot"
                 )
+        fewest = MIN_STEM * float(np.ptp(tree.crown_px, axis=0).max())
+        if tree.branches_px and (length := _length(tree.branches_px[0])) < fewest:
+            raise CaptureError(
+                f"the first branch of tree {number} in {name} is {length:.1f} pixels long, at least {fewest:.1f} are "
+                "needed for this crown",
+                "draw it from the root up into the crown",
+            )
         if tree.branches_px and _goes_down(tree.branches_px[0]):
             first = tree.branches_px[0]
             raise CaptureError(
@@ -216,6 +231,15 @@ def _check_places(strokes: Strokes, width_px: int, height_px: int, name: str) ->
                 )
 
 
+def _encloses_nothing(outline: NDArray[np.float64]) -> bool:
+    """Whether a closed stroke goes to and fro on one line: it then bounds less than the pixels along itself."""
+    low = outline.min(axis=0)
+    line = (outline - low) * (_WORK_PX / max(float(np.ptp(outline, axis=0).max()), 1e-9))
+    size = np.ceil(line.max(axis=0)).astype(int) + 2
+    filled = cv2.erode(fill_outline(line, (int(size[0]), int(size[1]))).astype(np.uint8), np.ones((3, 3), np.uint8))
+    return not filled.any()
+
+
 def _crosses_itself(outline: NDArray[np.float64]) -> bool:
     """Whether a closed stroke goes around more, or less, than the area that it bounds: as an 8 does, or two turns."""
     low = outline.min(axis=0)
@@ -249,8 +273,12 @@ def _loop_share(line: NDArray[np.float64]) -> float:
 
 def _goes_down(line: NDArray[np.float64]) -> bool:
     """Whether a stroke ends clearly below its first point."""
-    length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    return bool(line[-1, 1] - line[0, 1] > 0.5 * length)
+    return bool(line[-1, 1] - line[0, 1] > 0.5 * _length(line))
+
+
+def _length(line: NDArray[np.float64]) -> float:
+    """Of a stroke, in pixels."""
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
 
 def _whole(table: dict[str, Any], name: str, path: Path) -> int:

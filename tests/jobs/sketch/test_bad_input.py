@@ -46,6 +46,9 @@ def complaint(capsys, photo: Path, *words: object) -> str:
         ({"crown": [[5, 5]]}, "the crown has 1 point,"),
         ({"branches": [[[5, 5]]]}, "branch 1 has 1 point,"),
         ({"branches": [[]]}, "branch 1 has 0 points"),
+        ({"branches": [[[150, 380], [150, 379.9]]]}, "0.1 pixels long, at least 6.6 are needed"),
+        ({"crown": [[50, 50], [150, 50], [250, 50]]}, "encloses nothing"),
+        ({"crown": [[50, 50], [150, 150], [250, 250], [150, 150]]}, "encloses nothing"),
         ({"branches": [[[20, 150], [100, 100]]]}, "begins in the sky, at x 20, y 150"),
         ({"branches": [STEM[::-1]]}, "goes down the picture, from y 200 to 380"),
         ({"crown": [[10, 10], [60, 10], [60, 60], [10, 60]]}, "no leaves"),
@@ -126,6 +129,37 @@ def test_a_photograph_that_cannot_be_read(files, capsys):
     assert "oak.png" in complaint(capsys, photo)
     photo.unlink()
     assert "oak.png" in complaint(capsys, photo)
+
+
+def test_a_folder_is_no_photograph(files, capsys, monkeypatch):
+    photo, _ = files
+    monkeypatch.chdir(photo.parent)
+    assert "lies in" in refused(capsys, "sketch", ".", "-o", "out")
+    assert not (photo.parent / "out").exists()
+
+
+def test_of_several_trees_none_is_written_where_one_cannot_be_made(files, capsys):
+    photo, strokes = files
+    whole = {"crown": RING, "branches": [STEM]}
+    of_sky = {"crown": [[10, 10], [60, 10], [60, 60], [10, 60]], "branches": [STEM]}
+    head = {"image": "oak.png", "width": 300, "height": 400}
+    strokes.write_text(json.dumps({**head, "trees": [whole, of_sky]}))
+    assert "no leaves" in complaint(capsys, photo, "--most-leaves", "300", "--no-crown")
+
+
+def test_a_mask_is_of_one_tree(files, capsys, tmp_path):
+    photo, strokes = files
+    content = json.loads(strokes.read_text())
+    tree = {name: content.pop(name) for name in ("crown", "branches")}
+    strokes.write_text(json.dumps({**content, "trees": [tree, tree]}))
+    mask = np.zeros((400, 300), np.uint8)
+    cv2.imwrite(str(tmp_path / "mask.png"), cv2.circle(mask, (150, 150), 100, 255, -1))
+    assert "a mask is the crown of one tree" in complaint(capsys, photo, "--mask", tmp_path / "mask.png")
+
+
+def test_a_tape_beyond_the_photograph_is_refused(files, capsys):
+    photo, _ = files
+    assert "x 10, y 9999 is outside" in complaint(capsys, photo, "--tape", 10, 10, 10, 9999, 2)
 
 
 def test_a_grey_picture_is_a_tree_too(tmp_path):

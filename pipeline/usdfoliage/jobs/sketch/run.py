@@ -1,5 +1,6 @@
 """From a photograph on disk and the strokes over it to the assets of its trees."""
 
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -42,6 +43,7 @@ from usdfoliage.sketch.choices import SketchChoices
 from usdfoliage.sketch.foliage import find_sky
 from usdfoliage.sketch.proposal import complete_proposal, propose_strokes
 from usdfoliage.sketch.strokes import (
+    OUTSIDE,
     Strokes,
     TreeStrokes,
     check_roots,
@@ -124,9 +126,16 @@ def read_sketch_input(request: SketchRequest) -> SketchInput:
     photo = read_photo(request.photo, request.color_space)
     srgb = to_display(photo.linear)
     _require_picture(srgb, request.photo)
+    if request.tape_m is not None:
+        _require_inside(request.tape_m[:4], photo)
     remarks = list(photo.remarks)
     if strokes is not None:
         name = str(request.strokes)
+        if request.mask is not None and len(strokes.trees) > 1:
+            raise CaptureError(
+                f"a mask is the crown of one tree, and {name} has {len(strokes.trees)}",
+                "leave the mask out, or all trees but one",
+            )
         check_strokes(strokes, photo.width_px, photo.height_px, name)
         check_roots(strokes, find_sky(srgb, settings.tree.seed), name)
     if request.mask is not None:
@@ -189,6 +198,18 @@ def _require_picture(srgb: NDArray[np.uint8], photo: Path) -> None:
         )
 
 
+def _require_inside(tape_px: tuple[float, ...], photo: Photo) -> None:
+    """CaptureError for a tape that is not of this photograph."""
+    slack = OUTSIDE * max(photo.width_px, photo.height_px)
+    for x, y in (tape_px[:2], tape_px[2:]):
+        if not (-slack <= x <= photo.width_px + slack and -slack <= y <= photo.height_px + slack):
+            raise CaptureError(
+                f"the tape's place x {x:g}, y {y:g} is outside of {photo.path}, which has {photo.width_px} x "
+                f"{photo.height_px} pixels",
+                "give two places of this photograph",
+            )
+
+
 def _strokes_of(photo: Photo, tree: TreeStrokes) -> Strokes:
     return Strokes(image=photo.path.name, width_px=photo.width_px, height_px=photo.height_px, trees=(tree,))
 
@@ -201,12 +222,16 @@ def make_sketch_asset(request: SketchRequest, progress: StepProgress | None = No
     """
     given = read_sketch_input(request)
     if len(given.strokes.trees) == 1:
-        return _make_tree(request, given, progress)
+        with _publish(request) as folder:
+            return _make_tree(folder, request, given, progress)
     made = []
-    for number, tree in enumerate(given.strokes.trees, 1):
-        name = name_tree(number)
-        own = replace(request, name=name, output=request.output / name)
-        made.append(_make_tree(own, replace(given, strokes=replace(given.strokes, trees=(tree,))), progress))
+    with ExitStack() as until_all_are_made:  # a tree that cannot be made leaves none of the others behind
+        for number, tree in enumerate(given.strokes.trees, 1):
+            name = name_tree(number)
+            own = replace(request, name=name, output=request.output / name)
+            folder = until_all_are_made.enter_context(_publish(own))
+            of_tree = replace(given, strokes=replace(given.strokes, trees=(tree,)))
+            made.append(_make_tree(folder, own, of_tree, progress))
     return PublishedAsset(
         asset=made[0].asset,
         report=made[0].report,
@@ -216,12 +241,17 @@ def make_sketch_asset(request: SketchRequest, progress: StepProgress | None = No
     )
 
 
-def _make_tree(request: SketchRequest, given: SketchInput, progress: StepProgress | None) -> PublishedAsset:
-    with publish_folder(
-        request.output, force=request.force, origin=request.origin, keep_old=request.keep_old
-    ) as folder:
-        folders = TreeFolders(asset=folder, report=folder / "report")
-        tree = write_tree(folders, request, given, _provenance(request, given.settings), progress=progress)
+def _publish(request: SketchRequest) -> AbstractContextManager[Path]:
+    """publish_folder of a request."""
+    return publish_folder(request.output, force=request.force, origin=request.origin, keep_old=request.keep_old)
+
+
+def _make_tree(
+    folder: Path, request: SketchRequest, given: SketchInput, progress: StepProgress | None
+) -> PublishedAsset:
+    """Write one tree into a folder that will take the place of the request's output."""
+    folders = TreeFolders(asset=folder, report=folder / "report")
+    tree = write_tree(folders, request, given, _provenance(request, given.settings), progress=progress)
     report = request.output / "report"
     return PublishedAsset(
         asset=request.output / tree.interface.name,
