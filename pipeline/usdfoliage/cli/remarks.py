@@ -74,6 +74,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "capture.toml:color_space": "--color-space",
             "foliage.leaf_length_m": "--leaf-length",
             "foliage.max_leaves": "--most-leaves",
+            "plant.representations": "--representation",
             "plant.species": "--species",
             "seed": "--seed",
         },

@@ -19,6 +19,7 @@ from usdfoliage.cli.options.access import given, parts_of_photograph
 from usdfoliage.cli.options.leaf_commands import (
     accept_negative_numbers,
     add_output,
+    add_representation,
     add_run,
 )
 from usdfoliage.cli.options.motion import add_motion
@@ -128,6 +129,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=SketchModelSettings.max_leaves,
         help="The tree has this many leaves at most, 1 or more; the default is %(default)s.",
     )
+    add_representation(leaves)
     leaves.add_argument("--no-crown", action="store_true", help="The asset has no crown for the distance.")
     add_motion(parser.add_argument_group("motion"))
     run_options = parser.add_argument_group("this run")

@@ -199,3 +199,12 @@ def test_a_crown_of_sky_alone_is_refused(tmp_path, capsys):
     strokes.write_text(json.dumps(content))
     assert main(["sketch", str(photo), "-o", str(tmp_path / "out"), *SMALL]) == 2
     assert "no leaves" in capsys.readouterr().err
+
+
+def test_forms_of_leaves_are_written_on_request(tmp_path):
+    photo, _ = write_tree(tmp_path, draw_leafy(120, 160))
+    words = ["--no-preview", "--no-crown", "--most-leaves", "100", "--representation", "subdiv"]
+    assert main(["sketch", str(photo), "-o", str(tmp_path / "out"), *words]) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "out.usda"))
+    forms = stage.GetDefaultPrim().GetVariantSets().GetVariantSet("representation")
+    assert forms.GetVariantNames() == ["bezier", "subdiv"]

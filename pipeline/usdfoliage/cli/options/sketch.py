@@ -3,6 +3,7 @@
 import argparse
 import math
 
+from usdfoliage.asset.leaf_representations import read_representations
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.branch.foliage.species import GENERIC, load_species
 from usdfoliage.cli.options.motion import read_motion
@@ -44,6 +45,7 @@ def read_sketch_request(options: argparse.Namespace) -> SketchRequest:
         settings=SketchModelSettings(
             species=load_species(options.species or GENERIC, options.species_file),
             max_leaves=options.max_leaves,
+            representations=read_representations(options.representation) if options.representation else None,
             has_leaves=HAS_LEAVES[options.leaves],
             has_crown=not options.no_crown,
             motion=read_motion(options),

@@ -386,6 +386,7 @@ def describe_settings(request: SketchRequest, settings: SketchModelSettings) -> 
         "leaf-length": "auto" if settings.leaf_length_m is None else f"{settings.leaf_length_m:g}",
         "density": f"{settings.density:g}",
         "most-leaves": str(settings.max_leaves),
+        "representation": " ".join(settings.representations or ()) or "auto",
         **settings.motion.describe(),
         "seed": str(settings.tree.seed),
         "color-space": request.color_space or "as the file states",
