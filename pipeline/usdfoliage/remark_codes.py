@@ -1118,6 +1118,11 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="No strokes are given. They are proposed, with how confident the proposal is.",
                 action="Look at them in the report. Correct strokes.json in the asset's folder, and give it.",
             ),
+            "strokes-uncertain": RemarkKind(
+                severity="warning",
+                meaning="No strokes are given, and the proposed ones have a confidence below 0.5.",
+                action="Look at them in the report. Correct strokes.json in the asset's folder, and give it.",
+            ),
             "tree-without-leaves": RemarkKind(
                 severity="info",
                 meaning="The photograph shows twigs inside of the crown's stroke, and no leaves.",

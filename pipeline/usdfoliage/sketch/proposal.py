@@ -17,6 +17,10 @@ _WORK_PX = 500  # longer side of the picture in which the stem is looked for
 _BESIDE = 0.3  # of the crown's width, to either side of its middle, where a stem may come out
 _WIDTHS = (0.02, 0.035, 0.06)  # of the crown's width, that a stem may have
 _LEAN = 1  # pixels to either side, by which a stem may go on from one row to the next
+_SIDEWAYS = 6.0  # what a step to the side costs, as such a difference
+_ASIDE = 60.0  # what a stem costs that comes out at the end of _BESIDE, as a sum of such differences
+_OTHER = 16.0  # difference in CIELAB to the stem just below the crown, of what is no longer the stem,
+_LONG = 0.04  # if it goes on so far, of the crown's height
 _CLEAR = 6.0  # difference in CIELAB between a stem and what is beside it, which counts as one
 _TOP = 0.25  # of a clear proposal's height, that is completed
 _INTO = 0.55  # of the crown's height from below, to which the stem goes on
@@ -97,18 +101,45 @@ def find_stem(mask: NDArray[np.bool_], srgb: NDArray[np.uint8]) -> Floats:
     none = np.array([[float(np.median(columns[rows > bottom - 0.05 * crown_height])) + 0.5, bottom + 1.0]])
     if part.size == 0 or part.shape[1] < 3:
         return np.concatenate([none, head])
+    aside = (np.arange(part.shape[1]) + first - middle * scale) / (reach * scale)
+    part[0] -= _ASIDE * aside**2
     score, back = _walk_down(part)
     best_row = score.max(axis=1)
     foot_row = int(np.argmax(best_row))
-    if best_row[foot_row] <= 0 or foot_row < 3:
+    below = max(0, round(bottom * scale) - lowest)
+    if best_row[foot_row] <= 0 or foot_row < max(3, below):  # within the crown its border is no stem
         return np.concatenate([none, head])
     column = int(np.argmax(score[foot_row]))
     line = []
     for row in range(foot_row, -1, -1):
         line.append([(column + first + 0.5) / scale, (row + lowest + 0.5) / scale])
         column = int(back[row, column])
-    stem = np.array(line)[:: max(1, len(line) // 8)]
+    line = line[::-1]
+    line = line[: _end_of_bark(small, np.array(line) * scale, below, crown_height * scale, crown_width * scale)]
+    stem = np.array(line[::-1])[:: max(1, len(line) // 8)]
     return np.concatenate([stem, head[head[:, 1] < stem[-1, 1]]]) if len(stem) > 1 else np.concatenate([none, head])
+
+
+def _end_of_bark(srgb: NDArray[np.uint8], line: Floats, below: int, crown_height: float, crown_width: float) -> int:
+    """How many of the places (K, 2) down a stem, in pixels, have the colours that it has just below the crown.
+
+    Args:
+        srgb: (H, W, 3), the photograph.
+        line: Down the stem, a place in each row.
+        below: Which of these is the first one below the crown.
+        crown_height: In pixels.
+        crown_width: In pixels.
+    """
+    width = max(2, round(_WIDTHS[0] * crown_width))
+    run = max(2, round(_LONG * crown_height))
+    if len(line) <= below + run:
+        return len(line)
+    lab = cv2.blur(cv2.cvtColor(srgb.astype(np.float32) / 255, cv2.COLOR_RGB2LAB), (width, max(3, width)))
+    x, y = np.floor(line[below:]).astype(int).T
+    colors = lab[np.clip(y, 0, len(lab) - 1), np.clip(x, 0, lab.shape[1] - 1)]
+    other = np.linalg.norm(colors - np.median(colors[:run], axis=0), axis=1) > _OTHER
+    ends = np.flatnonzero(np.convolve(other, np.ones(run), "valid") == run)
+    return below + int(ends[0]) if len(ends) else len(line)
 
 
 def _bars(lab: NDArray[np.float32], width: int) -> NDArray[np.float32]:
@@ -119,13 +150,17 @@ def _bars(lab: NDArray[np.float32], width: int) -> NDArray[np.float32]:
 
 
 def _walk_down(gain: NDArray[np.float32]) -> tuple[Floats, NDArray[np.int64]]:
-    """(R, C) the greatest sum of gains on a way down to each pixel, from the first row, and the column before."""
+    """(R, C) the greatest sum of gains on a way down to each pixel, from the first row, and the column before.
+
+    Steps to the side cost _SIDEWAYS: stems are steep, and edges of roads and fields are not.
+    """
     score = np.zeros(gain.shape)
     back = np.tile(np.arange(gain.shape[1]), (len(gain), 1))
     score[0] = gain[0]
     for row in range(1, len(gain)):
         before = np.pad(score[row - 1], _LEAN, constant_values=-np.inf)
         options = np.stack([before[k : k + gain.shape[1]] for k in range(2 * _LEAN + 1)])
+        options -= _SIDEWAYS * np.abs(np.arange(2 * _LEAN + 1) - _LEAN)[:, None]
         chosen = options.argmax(axis=0)
         score[row] = gain[row] + options.max(axis=0)
         back[row] = np.arange(gain.shape[1]) + chosen - _LEAN

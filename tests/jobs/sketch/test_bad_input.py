@@ -3,11 +3,13 @@
 import json
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from usdfoliage.jobs.sketch import run as run_of_sketch
 from usdfoliage.sketch.strokes import MAX_BYTES
 
 from tests.support.leaves.commands import refused, run
@@ -121,6 +123,25 @@ def test_a_picture_of_a_wall_shows_no_tree(files, capsys):
     wall[::20] = wall[:, ::40] = (110, 110, 115)
     cv2.imwrite(str(photo), np.clip(wall + rng.normal(0, 5, wall.shape), 0, 255).astype(np.uint8))
     assert "leaves" in complaint(capsys, photo)
+
+
+def test_a_plant_before_no_sky_is_a_tree_only_where_its_crown_is_clear(files, capsys, monkeypatch):
+    """As a road, a wall or a lawn, whose likeliest crown is anything."""
+    photo, _ = files
+    (photo.parent / "oak.strokes.json").unlink(missing_ok=True)
+    real = run_of_sketch.propose_mask
+    with monkeypatch.context() as patch:
+        patch.setattr(run_of_sketch, "propose_mask", lambda *a, **k: replace(real(*a, **k), confidence=0.4))
+        patch.setattr(run_of_sketch, "find_sky", lambda srgb, seed: np.zeros(srgb.shape[:2], bool))
+        line = complaint(capsys, photo)
+        assert re.search(r"shows no tree clearly: no sky is behind it, .* confidence of 0.40, 0.5 needed", line)
+        assert "oak.strokes.json" in line
+        patch.setattr(run_of_sketch, "find_sky", lambda srgb, seed: np.ones(srgb.shape[:2], bool))
+        given = run_of_sketch.read_sketch_input(
+            run_of_sketch.SketchRequest(photo=photo, output=photo.parent / "out", name="oak")
+        )
+    assert [each.code for each in given.remarks if each.code.startswith("strokes")] == ["strokes-uncertain"]
+    assert [each.severity for each in given.remarks if each.code.startswith("strokes")] == ["warning"]
 
 
 def test_a_photograph_that_cannot_be_read(files, capsys):
