@@ -5,7 +5,7 @@ import itertools
 import cv2
 import numpy as np
 import pytest
-from usdfoliage.sketch.foliage import fill_outline, find_foliage
+from usdfoliage.sketch.foliage import FoliageCutSettings, fill_outline, find_foliage, rate_components
 from usdfoliage.sketch.minimum_cut import cut_pixels
 from usdfoliage.sketch.mixtures import Mixture, fit_mixture, log_density
 
@@ -107,3 +107,21 @@ def test_a_stroke_that_crosses_itself_holds_both_of_its_loops():
 def test_a_stroke_outside_of_the_picture_holds_nothing():
     with pytest.raises(ValueError, match="inside"):
         find_foliage(np.zeros((20, 20, 3), np.uint8), np.array([[50.0, 50], [60, 50], [60, 60]]), 0)
+
+
+def test_components_that_strokes_of_branches_show_are_less_likely_leaves():
+    """Limbs that are seen through the crown are oftener under the strokes than elsewhere in it."""
+    rng = np.random.default_rng(0)
+    leaf, bark, sky = ((60, 120, 40), (120, 95, 75), (190, 210, 240))
+    inside = np.concatenate([rng.normal(leaf, 6, (3000, 3)), rng.normal(bark, 6, (900, 3))])
+    around = rng.normal(sky, 6, (2000, 3))
+    mixture = fit_mixture(inside, 4, 0)
+    barks = np.linalg.norm(mixture.mean - bark, axis=1) < 40
+    assert barks.any()
+    assert not barks.all()
+    settings = FoliageCutSettings()
+    for under, falls in ((rng.normal(bark, 6, (200, 3)), True), (inside[::20], False)):
+        before = rate_components(mixture, inside, around, settings)
+        after = rate_components(mixture, inside, around, settings, under_strokes=under)
+        assert (after[barks] < before[barks] - 0.1).all() == falls
+        np.testing.assert_allclose(after[~barks], before[~barks], atol=0.05)

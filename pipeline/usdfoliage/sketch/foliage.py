@@ -60,6 +60,8 @@ class FoliageCutSettings:
     color_weight: float = 0.5  # of how green or red it is
     certainty: float = 2.5  # of the score of a component, as logarithm of odds
     trust: float = 0.3  # in the stroke: what its colours leave open is leaves
+    bark_weight: float = 1.5  # of the logarithm of how much oftener a component is under strokes of branches
+    bark_width: float = 4.0  # pixels of a picture of 1500, of these strokes
     sky_weight: float = 4.0  # of the share of a component that is sky
     low: float = 0.3  # of the crown's height from below, beside which the ring shows plants and ground as green as it
 
@@ -129,7 +131,10 @@ def find_foliage(
     ring = above if above.sum() > 0.1 * ring.sum() else ring
     mixture = fit_mixture(colors[inside], settings.components, seed)
     sky = find_sky(srgb, seed)[np.ix_(*_nearest(srgb.shape[:2], (x0, y0, x1, y1), small))]
-    odds = rate_components(mixture, colors[inner], colors[ring], settings, sky[inner])
+    under = _under_strokes(
+        branches_px, (x0, y0), scale, inner.shape, settings.bark_width * max(width, height) / _PAPER_PX
+    )
+    odds = rate_components(mixture, colors[inner], colors[ring], settings, sky[inner], colors[inner & under])
     leaves, background = mixture.weighted(odds), mixture.weighted(1 - odds)
     flat = colors.reshape(-1, 3)
     size = float(max(high - low)) * scale
@@ -220,6 +225,17 @@ def _are_twigs(
     return float(np.abs(_hue(own) - _hue(np.median(srgb[below], axis=0))).max()) < _SAME_HUE
 
 
+def _under_strokes(
+    lines: Sequence[Floats], corner: tuple[int, int], scale: float, shape: tuple[int, ...], width_px: float
+) -> NDArray[np.bool_]:
+    """(h, w) what is under lines (K, 2) of a picture, in its part that begins at a corner and is drawn smaller."""
+    drawn = np.zeros(shape[:2], np.uint8)
+    for line in lines:
+        placed = fixed_points((line - corner) * scale)
+        cv2.polylines(drawn, [placed], False, 1, max(1, round(width_px * scale)), shift=SHIFT)
+    return drawn > 0
+
+
 def _hue(color: Floats) -> Floats:
     """(2,) logarithms of red over green and of blue over green."""
     return np.log((color[[0, 2]] + 5.0) / (color[1] + 5.0))
@@ -231,6 +247,7 @@ def rate_components(
     around: Floats,
     settings: FoliageCutSettings,
     is_sky: NDArray[np.bool_] | None = None,
+    under_strokes: Floats | None = None,
 ) -> Floats:
     """(K,) how likely each component is one of leaves, above 0 and below 1.
 
@@ -240,12 +257,16 @@ def rate_components(
         around: (M, 3) colours around it.
         settings: How.
         is_sky: (N,), which of those inside are sky, as far as that is known.
+        under_strokes: (S, 3) colours inside that are under strokes of branches: bark, as far as leaves do not hide it.
     """
     share = [_shares(mixture, some) for some in (inside, around)]
     oftener = np.log((share[0] + 0.01) / (share[1] + 0.01)) if len(around) else np.zeros(len(mixture))
     score = settings.trust + settings.inside_weight * oftener + settings.color_weight * _green_or_red(mixture.mean)
     if is_sky is not None:
         score = score - settings.sky_weight * _sky_shares(mixture, inside, is_sky)
+    if under_strokes is not None and len(under_strokes) >= _STEM_PIXELS:
+        bark = np.log((_shares(mixture, under_strokes) + 0.02) / (share[0] + 0.02))
+        score = score - settings.bark_weight * np.maximum(bark, 0)
     # The best is one of leaves, the worst is not.
     score = np.where(score == score.max(), np.maximum(score, 0.5), score)
     score = np.where((score == score.min()) & (len(score) > 1), np.minimum(score, -0.5), score)
