@@ -60,6 +60,7 @@ class SketchedTree:
     traced: TracedTree
     bounds: CrownBounds
     grown: GrownAxes
+    height_m: float  # from the root to the top
     asset_from_photo: Floats  # (4, 4) for column vectors: from (x, y, z) in pixels to metres
 
 
@@ -106,6 +107,7 @@ def sketch_tree(
         traced=traced,
         bounds=bounds,
         grown=grown,
+        height_m=scale_m * (top - lowest),
         asset_from_photo=_frame(root, scale_m),
     )
 

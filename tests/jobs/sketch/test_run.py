@@ -94,6 +94,10 @@ def test_a_tape_gives_the_scale(tmp_path):
     stage = Usd.Stage.Open(str(tmp_path / "oak" / "oak.usda"))
     matrix = np.array(stage.GetDefaultPrim().GetAttribute("foliage:captureToAsset").Get())
     assert np.linalg.norm(matrix[0, :3]) == pytest.approx(0.02)
+    kept = ["--strokes", str(tmp_path / "oak" / "strokes.json"), "--no-crown"]
+    assert main(["sketch", str(photo), "-o", str(tmp_path / "again"), *kept, *SMALL]) == 0
+    again = Usd.Stage.Open(str(tmp_path / "again" / "again.usda"))
+    np.testing.assert_allclose(again.GetDefaultPrim().GetAttribute("foliage:captureToAsset").Get(), matrix)
 
 
 def test_a_large_photograph_is_made_of_a_smaller_picture(tmp_path):

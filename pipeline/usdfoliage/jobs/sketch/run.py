@@ -316,7 +316,10 @@ def write_tree(
             settings=written,
             pictures=pictures,
         )
-        write_strokes(folders.asset / STROKES, given.strokes)
+        strokes = given.strokes
+        if request.tape_m is not None:  # whose places are of this run; the height gives the same scale again
+            strokes = replace(strokes, choices=replace(strokes.choices, height_m=model.tree.height_m))
+        write_strokes(folders.asset / STROKES, strokes)
     remarks = [*given.remarks, *model.remarks]
     folders.report.mkdir(exist_ok=True)
     rows = sketch_rows(model)
