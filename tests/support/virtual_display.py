@@ -1,10 +1,26 @@
-"""A display for windows where there is none: Xvfb."""
+"""What tests of windows need: the interpreter of the preview with Qt, and a display where there is none, Xvfb."""
 
 import os
 import shutil
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from usdfoliage.errors import PreviewError
+from usdfoliage.jobs.preview.recorder import find_interpreter
+
+
+def python_with_qt() -> Path:
+    """The interpreter of the preview; skips the test where there is none, or where it has no PySide6."""
+    try:
+        python = find_interpreter()
+    except PreviewError as error:
+        pytest.skip(f"the preview interpreter is absent: {error}")
+    if subprocess.run([str(python), "-c", "import PySide6"], capture_output=True, check=False).returncode:
+        pytest.skip(f"{python} has no PySide6 (make setup installs it into .venv-preview)")
+    return python
 
 
 def missing() -> str:

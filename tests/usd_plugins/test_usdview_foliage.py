@@ -15,8 +15,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 from usdfoliage.asset.looks.look import open_asset, read_look, write_look_layer
 from usdfoliage.asset.parts.leaf_primvars import edit_values, read_edits
 from usdfoliage.asset.parts.leaves import edited_leaves
-from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.preview.recorder import find_interpreter, recorder_environment
+from usdfoliage.jobs.preview.recorder import recorder_environment
 from usdfoliage.jobs.preview.viewer import answer_requests
 from usdfoliage.leaf.shape.bounds import common_bounds, leaf_bounds_m
 from usdfoliage.leaf.shape.curves import leaf_curves
@@ -30,6 +29,7 @@ from usdviewFoliage.product import Product, ProductError, ProductGoneError
 
 from tests.support.leaves.assets import FLAT, random_leaves, two_leaves, write_spray
 from tests.support.plant_assets import write_whole_plant
+from tests.support.virtual_display import python_with_qt
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = Path(__file__).resolve().parent / "usdview"
@@ -350,12 +350,7 @@ def usdview_session(tmp_path: Path, path: str) -> tuple[dict, Path]:
 
 def in_usdview(session: str, asset: Path, folder: Path, path: str) -> dict:
     """What a session saw."""
-    try:
-        python = find_interpreter()
-    except PreviewError as error:
-        pytest.skip(f"the preview interpreter is absent: {error}")
-    if subprocess.run([str(python), "-c", "import PySide6"], capture_output=True, check=False).returncode:
-        pytest.skip(f"{python} has no PySide6 (make setup installs it into .venv-preview)")
+    python = python_with_qt()
     modules = os.pathsep.join(str(ROOT / name) for name in ("hydra_preview", "usd_plugins"))
     environment = {**recorder_environment(folder), "QT_QPA_PLATFORM": "offscreen", "PATH": path, "PYTHONPATH": modules}
     outcome = subprocess.run(
