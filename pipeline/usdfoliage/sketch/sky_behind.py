@@ -16,6 +16,8 @@ Mask = NDArray[np.bool_]
 
 _NEAR = 0.05  # of the crown's size, within which colours of sky and of leaves are taken
 _WIDER = 5.0  # times as far, where none is as near as that
+_SMALL = 0.25  # of that distance, the pixels of the smaller picture in which it is measured
+_FAINT = 1e-4  # weight of the colour that is taken where there is no other
 _SOME = 0.03  # weight of sky near a pixel, from which on it is known
 _BESIDE_PX = 2.0  # from leaves, that pure sky keeps; and leaves from what is none
 _APART = 30.0  # difference of colours, from which on a share is known
@@ -44,7 +46,7 @@ def share_of_tree(colors: Floats, sky: Mask, tree: Mask, size_px: float) -> SkyB
     pure = sky & (_away_from(tree) > _BESIDE_PX)
     deep = tree & (_away_from(~tree) > _BESIDE_PX)
     deep = deep if deep.any() else tree
-    far_sky, some_sky = _mean_near(colors, pure, _WIDER * sigma, _mean(colors, pure))
+    far_sky, some_sky = _mean_far(colors, pure, _WIDER * sigma)
     of_sky, near_sky = _mean_near(colors, pure, sigma, far_sky)
     of_tree, _ = _mean_near(colors, deep, 2 * sigma, _mean(colors, deep))
     across = of_tree - of_sky
@@ -66,11 +68,25 @@ def _mean(colors: Floats, mask: Mask) -> Floats:
     return np.asarray(colors[mask].mean(axis=0) if mask.any() else colors.mean(axis=(0, 1)))
 
 
-def _mean_near(colors: Floats, mask: Mask, sigma: float, else_: Floats) -> tuple[Floats, Floats]:
+def _mean_far(colors: Floats, mask: Mask, sigma: float) -> tuple[Floats, Floats]:
+    """As _mean_near, of all pixels far from the mask's, in a smaller picture: what is so smooth has few pixels."""
+    height, width = mask.shape
+    shrink = max(1.0, _SMALL * sigma)
+    size = (max(1, round(width / shrink)), max(1, round(height / shrink)))
+    weight, total = (
+        cv2.GaussianBlur(cv2.resize(each, size, interpolation=cv2.INTER_AREA), (0, 0), sigma / shrink)
+        for each in (mask.astype(np.float64), colors * mask[..., None])
+    )
+    mean = (total + _FAINT * _mean(colors, mask)) / (weight + _FAINT)[..., None]
+    wide, known = (cv2.resize(each, (width, height), interpolation=cv2.INTER_LINEAR) for each in (mean, weight))
+    return np.asarray(wide), np.asarray(known)
+
+
+def _mean_near(colors: Floats, mask: Mask, sigma: float, elsewhere: Floats) -> tuple[Floats, Floats]:
     """(H, W, 3) the mean colour of a mask's pixels near each place, and (H, W) the weight that they have there.
 
-    Far from all of them it is another one, (3,) or (H, W, 3).
+    Far from all of them it is another one, (H, W, 3) or (3,).
     """
     weight = cv2.GaussianBlur(mask.astype(np.float64), (0, 0), sigma)
     total = cv2.GaussianBlur(colors * mask[..., None], (0, 0), sigma)
-    return (total + 1e-4 * else_) / (weight + 1e-4)[..., None], weight
+    return (total + _FAINT * elsewhere) / (weight + _FAINT)[..., None], weight
