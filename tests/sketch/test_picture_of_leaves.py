@@ -6,6 +6,7 @@ import pytest
 from usdfoliage.sketch.before_sky import complete_before_sky
 from usdfoliage.sketch.bounds import bound_crown, view_from_the_side
 from usdfoliage.sketch.drawing import close_gaps
+from usdfoliage.sketch.foliage import find_sky
 from usdfoliage.sketch.leaf_fill import LeafFillSettings, fill_gaps
 from usdfoliage.sketch.leaf_scale import measure_leaf_length
 from usdfoliage.sketch.proposal import complete_proposal
@@ -214,7 +215,7 @@ def test_only_the_top_of_a_clear_proposal_is_completed():
     proposal = tree.copy()
     proposal[:120] = False  # without its spire
     proposal[:, :130] = False  # and without its left part
-    completed = complete_proposal(proposal, srgb, 0, only_top=True)
+    completed = complete_proposal(proposal, srgb, find_sky(srgb, 0), only_top=True)
     assert completed[80:120, 142:158].mean() > 0.9
     np.testing.assert_array_equal(completed[160:], proposal[160:])
-    assert complete_proposal(proposal, srgb, 0)[160:240, 100:130].mean() > 0.9
+    assert complete_proposal(proposal, srgb, find_sky(srgb, 0))[160:240, 100:130].mean() > 0.9

@@ -1,5 +1,7 @@
 """Lines and masks in a picture, as all of this package draws and measures them."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,14 @@ Floats = NDArray[np.float64]
 def fixed_points(line: Floats) -> NDArray[np.int32]:
     """Points (K, 2) in pixels for OpenCV, with SHIFT: its pixels have their middles at whole numbers."""
     return np.round((line - 0.5) * (1 << SHIFT)).astype(np.int32)
+
+
+def draw_lines(lines: Sequence[Floats], shape: tuple[int, ...], width: int) -> NDArray[np.bool_]:
+    """(H, W) what is under lines (K, 2) that are so many pixels wide."""
+    drawn = np.zeros(shape[:2], np.uint8)
+    for line in lines:
+        cv2.polylines(drawn, [fixed_points(line)], False, 1, width, shift=SHIFT)
+    return drawn > 0
 
 
 def arc_lengths(line: Floats) -> Floats:

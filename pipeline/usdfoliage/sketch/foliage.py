@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.capture.sky import segment_sky
-from usdfoliage.sketch.drawing import SHIFT, dilate, even_out, fixed_points
+from usdfoliage.sketch.drawing import SHIFT, dilate, draw_lines, even_out, fixed_points
 from usdfoliage.sketch.minimum_cut import cut_pixels
 from usdfoliage.sketch.mixtures import Mixture, fit_mixture, log_density, log_parts
 from usdfoliage.sketch.sky_behind import share_of_tree
@@ -131,9 +131,8 @@ def find_foliage(
     ring = above if above.sum() > 0.1 * ring.sum() else ring
     mixture = fit_mixture(colors[inside], settings.components, seed)
     sky = find_sky(srgb, seed)[np.ix_(*_nearest(srgb.shape[:2], (x0, y0, x1, y1), small))]
-    under = _under_strokes(
-        branches_px, (x0, y0), scale, inner.shape, settings.bark_width * max(width, height) / _PAPER_PX
-    )
+    placed = [(line - [x0, y0]) * scale for line in branches_px]
+    under = draw_lines(placed, inner.shape, max(1, round(settings.bark_width * max(width, height) / _PAPER_PX * scale)))
     odds = rate_components(mixture, colors[inner], colors[ring], settings, sky[inner], colors[inner & under])
     leaves, background = mixture.weighted(odds), mixture.weighted(1 - odds)
     flat = colors.reshape(-1, 3)
@@ -215,25 +214,11 @@ def _are_twigs(
     # Sky shines through at the borders of twigs and leaves; the darker half is of themselves.
     light = found.sum(axis=1)
     own = found[light <= np.median(light)].mean(axis=0)
-    stem = np.zeros(mask.shape, np.uint8)
-    for line in branches_px:
-        cv2.polylines(stem, [fixed_points(line)], False, 1, 3, shift=SHIFT)
-    below = (stem > 0) & ~inside
+    below = draw_lines(branches_px, mask.shape, 3) & ~inside
     if below.sum() < _STEM_PIXELS:
         red, green, blue = own
         return bool((max(red, green) - blue) / (red + green + blue + 1) < _COLORED)
     return float(np.abs(_hue(own) - _hue(np.median(srgb[below], axis=0))).max()) < _SAME_HUE
-
-
-def _under_strokes(
-    lines: Sequence[Floats], corner: tuple[int, int], scale: float, shape: tuple[int, ...], width_px: float
-) -> NDArray[np.bool_]:
-    """(h, w) what is under lines (K, 2) of a picture, in its part that begins at a corner and is drawn smaller."""
-    drawn = np.zeros(shape[:2], np.uint8)
-    for line in lines:
-        placed = fixed_points((line - corner) * scale)
-        cv2.polylines(drawn, [placed], False, 1, max(1, round(width_px * scale)), shift=SHIFT)
-    return drawn > 0
 
 
 def _hue(color: Floats) -> Floats:

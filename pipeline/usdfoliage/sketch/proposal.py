@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 
 from usdfoliage.sketch.before_sky import complete_before_sky
 from usdfoliage.sketch.drawing import dilate
-from usdfoliage.sketch.foliage import find_sky
 from usdfoliage.sketch.strokes import TreeStrokes
 
 Floats = NDArray[np.float64]
@@ -45,17 +44,16 @@ def propose_strokes(mask: NDArray[np.bool_], srgb: NDArray[np.uint8]) -> TreeStr
 
 
 def complete_proposal(
-    mask: NDArray[np.bool_], srgb: NDArray[np.uint8], seed: int, *, only_top: bool = False
+    mask: NDArray[np.bool_], srgb: NDArray[np.uint8], sky: NDArray[np.bool_], *, only_top: bool = False
 ) -> NDArray[np.bool_]:
     """(H, W) a proposed crown with what stands before the sky above it.
 
     Args:
         mask: (H, W), the proposal; not empty.
         srgb: (H, W, 3), the photograph.
-        seed: Of the colours of the sky.
+        sky: (h, w), of the same photograph, as find_sky gives it.
         only_top: The proposal is clear, and nothing but its top is completed, whose fine shoots have the sky's colours.
     """
-    sky = find_sky(srgb, seed)
     small = cv2.resize(mask.astype(np.uint8), sky.shape[::-1], interpolation=cv2.INTER_AREA) > 0
     if not small.any():
         return mask

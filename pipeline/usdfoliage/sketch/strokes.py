@@ -15,6 +15,7 @@ from usdfoliage.errors import CaptureError
 from usdfoliage.files.atomic import whole_file
 from usdfoliage.files.json import read_json
 from usdfoliage.sketch.choices import SketchChoices, parse_choices
+from usdfoliage.sketch.drawing import arc_lengths, points_at
 from usdfoliage.sketch.foliage import fill_outline
 
 SUFFIX = ".strokes.json"  # after the photograph's name
@@ -233,20 +234,21 @@ def _check_places(strokes: Strokes, width_px: int, height_px: int, name: str) ->
 
 def _encloses_nothing(outline: NDArray[np.float64]) -> bool:
     """Whether a closed stroke goes to and fro on one line: it then bounds less than the pixels along itself."""
-    low = outline.min(axis=0)
-    line = (outline - low) * (_WORK_PX / max(float(np.ptp(outline, axis=0).max()), 1e-9))
+    _, filled = _fill_small(outline)
+    return not cv2.erode(filled.astype(np.uint8), np.ones((3, 3), np.uint8)).any()
+
+
+def _fill_small(outline: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """A closed stroke (N, 2) that is _WORK_PX long, and (H, W) what it bounds."""
+    line = (outline - outline.min(axis=0)) * (_WORK_PX / max(float(np.ptp(outline, axis=0).max()), 1e-9))
     size = np.ceil(line.max(axis=0)).astype(int) + 2
-    filled = cv2.erode(fill_outline(line, (int(size[0]), int(size[1]))).astype(np.uint8), np.ones((3, 3), np.uint8))
-    return not filled.any()
+    return line, fill_outline(line, (int(size[0]), int(size[1])))
 
 
 def _crosses_itself(outline: NDArray[np.float64]) -> bool:
     """Whether a closed stroke goes around more, or less, than the area that it bounds: as an 8 does, or two turns."""
-    low = outline.min(axis=0)
-    scale = _WORK_PX / max(float(np.ptp(outline, axis=0).max()), 1e-9)
-    line = (outline - low) * scale
-    size = np.ceil(line.max(axis=0)).astype(int) + 2
-    bounded = float(fill_outline(line, (int(size[0]), int(size[1]))).sum())
+    line, filled = _fill_small(outline)
+    bounded = float(filled.sum())
     around = 0.5 * abs(float(np.sum(line[:, 0] * np.roll(line[:, 1], -1) - line[:, 1] * np.roll(line[:, 0], -1))))
     edge = float(np.linalg.norm(np.diff(line, axis=0, append=line[:1]), axis=1).sum())  # whose pixels count wholly
     return abs(bounded - around) > MAX_CROSSED * bounded + edge
@@ -254,9 +256,7 @@ def _crosses_itself(outline: NDArray[np.float64]) -> bool:
 
 def _loop_share(line: NDArray[np.float64]) -> float:
     """The share of a stroke's length that lies in the longest loop of it."""
-    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-    at = np.linspace(0, length[-1], _PLACES)
-    point = np.stack([np.interp(at, length, line[:, axis]) for axis in (0, 1)], axis=-1)
+    point = points_at(line, np.linspace(0, _length(line), _PLACES))
     start, step = point[:-1], np.diff(point, axis=0)
 
     def side(of: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -278,7 +278,7 @@ def _goes_down(line: NDArray[np.float64]) -> bool:
 
 def _length(line: NDArray[np.float64]) -> float:
     """Of a stroke, in pixels."""
-    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+    return float(arc_lengths(line)[-1])
 
 
 def _whole(table: dict[str, Any], name: str, path: Path) -> int:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from usdfoliage.sketch.drawing import SHIFT, arc_lengths, dilate, fixed_points, points_at
+from usdfoliage.sketch.drawing import SHIFT, arc_lengths, dilate, draw_lines, fixed_points, points_at
 from usdfoliage.sketch.foliage import Foliage, fill_outline
 from usdfoliage.sketch.mixtures import Mixture, fit_mixture, log_density
 from usdfoliage.sketch.strokes import TreeStrokes
@@ -96,12 +96,10 @@ def branch_odds(
     """
     height, width = srgb.shape[:2]
     scale = max(height, width) / _PAPER_PX
-    under = np.zeros((height, width), np.uint8)
-    for line in strokes.branches_px:
-        cv2.polylines(under, [fixed_points(line)], False, 1, max(1, round(settings.stroke_width * scale)), shift=SHIFT)
-    beside = cv2.dilate(under, np.ones((3, 3), np.uint8), iterations=max(1, round(6 * scale)))
+    under = draw_lines(strokes.branches_px, srgb.shape, max(1, round(settings.stroke_width * scale)))
+    beside = cv2.dilate(under.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=max(1, round(6 * scale)))
     colors = srgb.astype(np.float64)
-    visible = under > 0
+    visible = under.copy()
     if foliage is not None and not foliage.is_thin and (visible & ~foliage.mask).sum() >= _FEW_PIXELS:
         visible &= ~foliage.mask  # leaves hide what the stroke goes on over
     code, seen = _colors_once(srgb)
@@ -160,8 +158,8 @@ def trace_tree(
     drawn = _draw_along(strokes, depth, scale, settings)
     crown = fill_outline(strokes.crown_px, (width, height))
     domain = dilate(crown, settings.beyond * float(np.ptp(strokes.crown_px[:, 0])))
-    growth = _Growth(depth, drawn)
-    paths = _cheapest_paths(odds, depth, crown, domain, growth.owner >= 0, scale, settings)
+    growth = _Growth(depth, drawn, crown)
+    paths = _cheapest_paths(odds, depth, domain, growth.owner >= 0, scale, settings)
     shortest = settings.shortest * scale
     for end in paths.ends:
         growth.add_path(paths, int(end), shortest, settings)
@@ -175,13 +173,11 @@ class _Paths:
     before: NDArray[np.int64]  # (H * W,) the pixel before on its way, -1 at a stroke and where there is none
     ends: NDArray[np.int64]  # (E,) pixels of branches, by the length of their ways, the longest first
     shows: NDArray[np.bool_]  # (H * W,) whether a pixel is one of a branch
-    crown: NDArray[np.bool_]  # (H * W,) inside of the crown's stroke
 
 
 def _cheapest_paths(
     odds: NDArray[np.float32],
     depth: NDArray[np.float32],
-    crown: NDArray[np.bool_],
     domain: NDArray[np.bool_],
     begin: NDArray[np.bool_],
     scale: float,
@@ -214,7 +210,7 @@ def _cheapest_paths(
     back[pixel] = np.where(before >= 0, pixel[np.maximum(before, 0)], -1)
     reached = np.isfinite(cost) & shows.ravel()[pixel] & (cost > 0)
     order = np.argsort(-cost[reached], kind="stable")
-    return _Paths(before=back, ends=pixel[reached][order], shows=shows.ravel(), crown=crown.ravel())
+    return _Paths(before=back, ends=pixel[reached][order], shows=shows.ravel())
 
 
 @dataclass(eq=False)
@@ -232,8 +228,11 @@ class _Growing:
 class _Growth:
     """Branches so far, and which pixels they cover."""
 
-    def __init__(self, depth: NDArray[np.float32], drawn: list[tuple[Floats, Floats]]) -> None:
+    def __init__(
+        self, depth: NDArray[np.float32], drawn: list[tuple[Floats, Floats]], crown: NDArray[np.bool_]
+    ) -> None:
         self.depth = depth
+        self.crown = crown  # inside of its stroke
         self.width = depth.shape[1]
         self.owner = np.full(depth.shape, _FREE, np.int32)  # branch that covers a pixel
         self.point = np.full(depth.shape, -1, np.int32)  # and which point of it
@@ -290,7 +289,7 @@ class _Growth:
         if (
             arc[-1] < shortest
             or visible < settings.through
-            or paths.crown[pixels].mean() < settings.within
+            or self.crown.ravel()[pixels].mean() < settings.within
             or np.median(half) > settings.widest * float(carrying.half[at]) + 0.5
         ):
             owner[pixels[owner[pixels] == _FREE]] = _NONE

@@ -176,13 +176,14 @@ def propose_tree(photo: Photo, srgb: NDArray[np.uint8], seed: int) -> tuple[Mask
         CaptureError: It shows no crown, or neither one that is clear nor any sky.
     """
     proposal = propose_mask(photo.linear, seed=seed)
-    if proposal.confidence < _UNCERTAIN and float(find_sky(srgb, seed).mean()) < _SOME_SKY:
+    sky = find_sky(srgb, seed)
+    if proposal.confidence < _UNCERTAIN and float(sky.mean()) < _SOME_SKY:
         raise CaptureError(
             f"{photo.path} shows no tree clearly: no sky is behind it, and the likeliest crown has a confidence of "
             f"{proposal.confidence:.2f}, {_UNCERTAIN:g} needed",
             f"draw strokes around its crown and along its stem, as {strokes_beside(photo.path).name}",
         )
-    mask = complete_proposal(proposal.mask, srgb, seed, only_top=proposal.confidence >= _CLEAR)
+    mask = complete_proposal(proposal.mask, srgb, sky, only_top=proposal.confidence >= _CLEAR)
     return proposal, propose_strokes(mask, srgb)
 
 
