@@ -7,6 +7,7 @@ MAX_FACES = 2_750_000  # of refined subdivision surfaces at once: 2.7 million we
 MANY = 100_000  # triangles, from which on a larger picture costs less than several samples of a pixel
 MAX_TRIANGLES = 20_000_000  # beyond them plants are drawn in a lighter form
 CARD_TRIANGLES = 12
+LEVEL, RELIEF = "level", "relief"  # variant set of a forest, and the variant that has the fewest faces
 MAX_SIDE_PX = 8192  # as the product has it, whose pictures may be no larger
 MAX_PIXELS = 1 << 25
 REFINED_BY = 0.1  # of complexity, a level: each divides a face into four
@@ -83,7 +84,12 @@ def weigh(stage, time, purposes: list[str]) -> Weight:
         instancer = UsdGeom.PointInstancer(prim)
         paths = instancer.GetPrototypesRel().GetForwardedTargets()
         repeats = [0] * len(paths)
-        for index in instancer.GetProtoIndicesAttr().Get(time) or ():
+        indices = instancer.GetProtoIndicesAttr().Get(time) or ()
+        hidden = set(instancer.GetInvisibleIdsAttr().Get(time) or ())
+        ids = (instancer.GetIdsAttr().Get(time) or range(len(indices))) if hidden else ()
+        if len(ids) == len(indices):
+            indices = (index for index, name in zip(indices, ids, strict=True) if name not in hidden)
+        for index in indices:
             if 0 <= index < len(repeats):
                 repeats[index] += 1
         total = Weight()
@@ -114,7 +120,7 @@ def choose_scale(weight: Weight, complexity: float, samples: int, sizes_px: list
 
 
 def draw_lighter(stage) -> str:
-    """Draw every plant of a stage as its cards, or as its crown where none has cards; returns as what, or nothing.
+    """Draw every plant of a stage as its cards, or as its crown where none has cards; returns the form, or nothing.
 
     A plant alone is looked at from near: it is drawn as its crown, or as it is. Opinions go to the stage's edit target.
     """
@@ -138,6 +144,14 @@ def draw_lighter(stage) -> str:
         for path in groups:
             Sdf.CreatePrimInLayer(layer, path).kind = "group"
     return "cards"
+
+
+def draw_reliefs(stage) -> str:
+    """Draw the plants of forests as hulls whose shader draws crowns; returns the form, or nothing without a forest."""
+    paths = [prim.GetPath() for prim in stage.Traverse() if RELIEF in prim.GetVariantSet(LEVEL).GetVariantNames()]
+    for path in paths:
+        stage.GetPrimAtPath(path).GetVariantSet(LEVEL).SetVariantSelection(RELIEF)
+    return RELIEF if paths else ""
 
 
 def _has_cards(prim) -> bool:

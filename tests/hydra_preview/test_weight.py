@@ -2,7 +2,16 @@
 
 import pytest
 from pxr import Gf, Usd, UsdGeom, Vt
-from weight import CARD_TRIANGLES, MAX_FACES, Weight, choose_complexity, choose_scale, draw_lighter, weigh
+from weight import (
+    CARD_TRIANGLES,
+    MAX_FACES,
+    Weight,
+    choose_complexity,
+    choose_scale,
+    draw_lighter,
+    draw_reliefs,
+    weigh,
+)
 
 PURPOSES = ["default", "render"]
 
@@ -148,3 +157,30 @@ def test_plants_in_instances_of_groups_are_drawn_as_their_cards():
     assert weight_of(forest) == Weight(triangles=2 * 3 * 2 * 400)
     assert draw_lighter(forest) == "cards"
     assert weight_of(forest) == Weight(triangles=2 * 3 * 2 * CARD_TRIANGLES)
+
+
+def test_plants_of_an_instancer_that_are_hidden_in_a_frame_do_not_count():
+    stage = Usd.Stage.CreateInMemory()
+    instancer = UsdGeom.PointInstancer.Define(stage, "/Plants")
+    source = plant_stage(cards=False, crown=False)
+    plant = stage.DefinePrim("/Plants/Plant")
+    plant.GetReferences().AddReference(source.GetRootLayer().identifier)
+    instancer.CreatePrototypesRel().SetTargets([plant.GetPath()])
+    instancer.CreateProtoIndicesAttr([0, 0, 0])
+    instancer.CreatePositionsAttr([(0, 0, 0)] * 3)
+    instancer.CreateIdsAttr([7, 8, 9])
+    instancer.CreateInvisibleIdsAttr().Set([7, 9], 1.0)
+    instancer.CreateInvisibleIdsAttr().Set([], 2.0)
+    assert weigh(stage, Usd.TimeCode(1.0), ["default"]) == Weight(triangles=400)
+    assert weigh(stage, Usd.TimeCode(2.0), ["default"]) == Weight(triangles=3 * 400)
+
+
+def test_plants_of_a_forest_are_drawn_as_reliefs():
+    stage = Usd.Stage.CreateInMemory()
+    levels = stage.DefinePrim("/Forest", "Xform").GetVariantSets().AddVariantSet("level")
+    for level in ("crown", "relief"):
+        levels.AddVariant(level)
+    levels.SetVariantSelection("crown")
+    assert draw_reliefs(stage) == "relief"
+    assert levels.GetVariantSelection() == "relief"
+    assert draw_reliefs(plant_stage(cards=True, crown=True)) == ""

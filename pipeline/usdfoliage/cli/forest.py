@@ -186,13 +186,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shots.add_argument(
         "--near-level",
         choices=("leaves", "relief", "crown"),
-        help="Near plants of shots are drawn so; the default is leaves where the forest has that level. crown is what "
-        "every renderer draws.",
+        help="Near plants of shots, and of the level auto, are drawn so; the default is leaves where the forest has "
+        "that level. crown is what every renderer draws.",
     )
     shots.add_argument(
         "--far-level",
         choices=("leaves", "relief", "crown"),
-        help="Far plants of shots are drawn so; the default is relief where the forest has that level.",
+        help="Far plants of shots, and of the level auto, are drawn so; the default is relief where the forest has "
+        "that level.",
     )
     shots.add_argument(
         "--max-full-plants",

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from pxr import Usd, UsdGeom
+from pxr import Gf, Usd, UsdGeom, UsdLod
 from usdfoliage.__main__ import main
+from usdfoliage.asset.packages.forest_contents import read_forest
 from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation.validate import validate_asset
 
@@ -120,3 +121,38 @@ def test_tiles_that_cannot_be_are_refused(folder, words, capsys, tile, about):
     assert main([*words, "-o", str(out), "--tile", tile, "--max-terrain-quads", "100"]) == 2
     assert about in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_in_auto_usdlod_draws_tiles_near_the_camera_in_their_near_form(tiled):
+    stage = Usd.Stage.Open(str(tiled))
+    stage.GetDefaultPrim().GetVariantSet("level").SetVariantSelection("auto")
+    transforms = UsdGeom.XformCache()
+    chosen = {0: set(), 1: set()}
+    eye = np.array([0.0, 5.0, -40.0])
+    roots = [prim for prim in stage.Traverse() if prim.HasAPI(UsdLod.RootAPI)]
+    assert len(roots) == len(stage.GetPrimAtPath("/valley/tiles").GetChildren())
+    for plants in roots:
+        near, far = plants.GetChildren()
+        assert [near.GetName(), far.GetName()] == ["leaves", "relief"]
+        assert UsdLod.RootAPI(plants).GetLodDefaultIndexAttr().Get() == 0
+        assert UsdGeom.Imageable(near).ComputeVisibility() == "inherited"  # what a renderer draws that does not know it
+        assert UsdGeom.Imageable(far).ComputeVisibility() == "invisible"
+        (target,) = UsdLod.RootAPI(plants).GetLodHeuristicsRel().GetTargets()
+        heuristic = UsdLod.DistanceHeuristic(stage.GetPrimAtPath(target))
+        assert heuristic.GetLodDomainAttr().Get() == "imaging"
+        extent_m = UsdGeom.PointInstancer(near).GetExtentAttr().Get()
+        if extent_m is None:  # a tile without a plant
+            continue
+        distance_m = np.linalg.norm(eye - np.clip(eye, *np.array(extent_m)))
+        lod = heuristic.ComputeLOD(Gf.Vec3d(*eye), transforms.GetLocalToWorldTransform(plants))
+        assert lod == pytest.approx(np.clip((distance_m - 30) / (70 - 30), 0, 1), abs=1e-4)
+        chosen[round(lod)].add(plants.GetPath())
+    assert chosen[0]
+    assert chosen[1]
+
+
+def test_auto_has_each_plant_once_for_a_reader(tiled):
+    stage = Usd.Stage.Open(str(tiled))
+    plants = read_forest(stage.GetDefaultPrim()).plants
+    stage.GetDefaultPrim().GetVariantSet("level").SetVariantSelection("auto")
+    assert read_forest(stage.GetDefaultPrim()).plants == plants

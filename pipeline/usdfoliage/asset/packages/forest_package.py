@@ -23,6 +23,7 @@ from usdfoliage.asset.materials.layer import (
 )
 from usdfoliage.asset.packages.assembly import begin_asset
 from usdfoliage.asset.packages.interface import TILES, TileEntry, write_interface_layer, write_payload_layer
+from usdfoliage.asset.packages.lods import AUTO_LAYER, AutoPlants, write_auto_plants_layer
 from usdfoliage.asset.parts.grass import GrassPrim, write_grass_layer
 from usdfoliage.asset.parts.leaf_part import MATERIAL_LAYER
 from usdfoliage.asset.parts.part import MaterialAuthor
@@ -35,6 +36,7 @@ from usdfoliage.asset.variants import VariantSet
 
 SKY_LAYER = f"{SKY}.usda"  # in the payload's folder
 LEVEL = "level"  # variant set: in which form all plants are drawn
+AUTO = "auto"  # variant of it: near or far, as a renderer that knows UsdLod chooses for each tile
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,6 +58,7 @@ class ForestTile:
     name: str = ""  # an identifier; empty where it is all of the forest
     terrain: TerrainPrim
     levels: Sequence[PlantedLevel]  # one variant each; the first is the default
+    auto: AutoPlants | None = None  # one more variant, AUTO; None where plants have one form
     shots: Sequence[PlantedShot] = ()  # one more variant each, all of one frame rate
 
     @property
@@ -112,6 +115,8 @@ def write_forest_tile(folder: Path, name: str, tile: ForestTile) -> WrittenTile:
     write_terrain_layer(layers / "terrain.usdc", root, tile.terrain)
     for level in tile.levels:
         write_planted_layer(layers / f"plants_{level.name}.usdc", root, [level])
+    if tile.auto is not None:
+        write_auto_plants_layer(layers / AUTO_LAYER, root, tile.auto)
     for shot in tile.shots:
         write_planted_layer(layers / f"plants_{shot.name}.usdc", root, shot.levels, times_of([shot]))
         if shot.grass is not None:
@@ -179,8 +184,8 @@ def write_forest_asset(folder: Path, name: str, forest: ForestParts, provenance:
 
 
 def names_of_levels(tile: ForestTile) -> tuple[str, ...]:
-    """The variants of a tile: its levels, then its shots."""
-    return (*(level.name for level in tile.levels), *(shot.name for shot in tile.shots))
+    """The variants of a tile: its levels, AUTO, then its shots."""
+    return tuple(_layers_of(tile).variants)
 
 
 def times_of(shots: Sequence[PlantedShot]) -> Mapping[str, float]:
@@ -197,6 +202,8 @@ def times_of(shots: Sequence[PlantedShot]) -> Mapping[str, float]:
 
 def _layers_of(tile: ForestTile) -> VariantSet:
     layers = {level.name: [f"./plants_{level.name}.usdc"] for level in tile.levels}
+    if tile.auto is not None:
+        layers[AUTO] = [f"./{AUTO_LAYER}", *(f"./plants_{level}.usdc" for level in (tile.auto.near, tile.auto.far))]
     for shot in tile.shots:
         grass = [] if shot.grass is None else [f"./grass_{shot.name}.usdc"]
         layers[shot.name] = [f"./plants_{shot.name}.usdc", *grass]

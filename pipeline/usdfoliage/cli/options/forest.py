@@ -19,8 +19,8 @@ from usdfoliage.jobs.forest.shots import ShotRequest
 
 def read_forest_request(options: argparse.Namespace) -> ForestRequest:
     """The request; FoliageError for values that cannot be."""
-    if not options.camera and (options.camera_prim or options.near_level or options.far_level):
-        raise FoliageError("--camera-prim, --near-level and --far-level are for shots", "give --camera, too")
+    if not options.camera and options.camera_prim:
+        raise FoliageError("--camera-prim is for shots", "give --camera, too")
     lod_distance_m = (options.lod_distance[0], options.lod_distance[1])
     try:
         return ForestRequest(

@@ -34,7 +34,7 @@ from usdfoliage.jobs.forest.report import (
     write_forest_map,
 )
 from usdfoliage.jobs.forest.request import ForestRequest, describe_settings
-from usdfoliage.jobs.forest.shots import plan_planted_shot, read_cameras, remark_units, shot_rows
+from usdfoliage.jobs.forest.shots import auto_plants, plan_planted_shot, read_cameras, remark_units, shot_rows
 from usdfoliage.jobs.forest.tiles import split_forest
 from usdfoliage.jobs.report.table import Histogram, Row
 from usdfoliage.progress import StepProgress, follow_step
@@ -150,7 +150,8 @@ def plant_tiles(
             replace(shot.planted, grass=None if each is None else each.prim)
             for shot, each in zip(shots, grass, strict=True)
         ]
-        whole = ForestTile(terrain=terrain, levels=levels, shots=planted)
+        auto = auto_plants(request.shots, by_name, request.lod_distance_m)
+        whole = ForestTile(terrain=terrain, levels=levels, auto=auto, shots=planted)
         grass_m = [np.zeros((0, 2)) if each is None else each.ground_m for each in grass]
         tiles = [whole] if grid is None else split_forest(whole, mesh, planting, grid, grass_m)
     outline = ForestOutline(
@@ -170,7 +171,7 @@ def plant_tiles(
         remarks=tuple(remarks),
         legend=legend,
         histograms=count_heights(planting),
-        pictures=(*list_pictures(terrain), *list_shot_pictures(shots)),
+        pictures=(*list_pictures(terrain, levels), *list_shot_pictures(shots)),
     )
     return PlantedForest(tiles=tiles, outline=outline)
 

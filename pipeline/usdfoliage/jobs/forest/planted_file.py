@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from usdfoliage.asset.materials.ground import GroundMaterial
 from usdfoliage.asset.packages.forest_package import ForestTile, PlantedShot
 from usdfoliage.asset.packages.interface import TILES
+from usdfoliage.asset.packages.lods import AutoPlants
 from usdfoliage.asset.parts.crown_leaves import OtherLeaves
 from usdfoliage.asset.parts.grass import GrassPrim
 from usdfoliage.asset.parts.planted import ForestPrototype, HiddenPlants, PlantedLevel
@@ -85,6 +86,7 @@ def read_tile(folder: Path, name: str) -> ForestTile:
                 points_m=arrays["terrain.points_m"], faces=arrays["terrain.faces"], st=arrays["terrain.st"]
             ),
             levels=levels,
+            auto=None if header["auto"] is None else _read_auto(header["auto"]),
             shots=[_read_shot(arrays, number, stored, by_name) for number, stored in enumerate(header["shots"])],
         )
 
@@ -116,7 +118,7 @@ def _pack_picture(picture: ForestPicture) -> dict[str, object]:
         "title": picture.title,
         "file": picture.file,
         "pinhole": None if pinhole is None else {**asdict(pinhole), "cam_from_world": pinhole.cam_from_world.tolist()},
-        "shot": picture.shot,
+        "level": picture.level,
         "frame": picture.frame,
     }
 
@@ -139,6 +141,7 @@ def _pack_tile(tile: ForestTile) -> dict[str, NDArray[Any]]:
     """Arrays by name. What a level shares with the first one is there once."""
     header: dict[str, object] = {
         "levels": [_describe_level(level) for level in tile.levels],
+        "auto": None if tile.auto is None else asdict(tile.auto),
         "shots": [_describe_shot(shot) for shot in tile.shots],
     }
     arrays: dict[str, NDArray[Any]] = {
@@ -179,6 +182,10 @@ def _describe_level(level: PlantedLevel) -> dict[str, object]:
             for each in level.prototypes
         ],
     }
+
+
+def _read_auto(stored: Mapping[str, Any]) -> AutoPlants:
+    return AutoPlants(**{**stored, "lod_distance_m": tuple(stored["lod_distance_m"])})
 
 
 def _read_level(arrays: Mapping[str, NDArray[Any]], number: int, stored: Mapping[str, Any]) -> PlantedLevel:

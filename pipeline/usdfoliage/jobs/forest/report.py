@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.asset.packages.forest_package import LEVEL
+from usdfoliage.asset.parts.planted import PlantedLevel
 from usdfoliage.asset.parts.terrain import TerrainPrim
 from usdfoliage.errors import PreviewError
 from usdfoliage.forest.planting import ForestInput, Planting
@@ -16,6 +17,7 @@ from usdfoliage.forest.raster import to_pixels
 from usdfoliage.forest.shots import CameraPath
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.geometry.pinhole import Pinhole, look_at
+from usdfoliage.jobs.forest.levels import LEAVES, RELIEF
 from usdfoliage.jobs.forest.shots import PlannedShot
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
 from usdfoliage.jobs.report.environment import render_template
@@ -35,6 +37,7 @@ SIDES = (
 )
 ABOVE_DEG = 28.0  # from which the sides are seen
 EYE_M = 1.7
+MAX_LEAFY = 5_000  # plants, up to which a picture has leaves on all
 EDGE_M = 2.0  # from the south edge of the ground to the camera at eye height
 BARS = 24
 
@@ -46,8 +49,8 @@ class ForestPicture:
     title: str
     file: str  # in the report's folder
     pinhole: Pinhole | None  # None: from above
-    shot: str = ""  # variant that is drawn; empty for the default
-    frame: float | None = None  # time code
+    level: str = ""  # variant that is drawn; empty for the default
+    frame: float | None = None  # time code of a shot; None for the forest without one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,15 +69,21 @@ class ForestReport:
     seconds: Mapping[str, float]
 
 
-def list_pictures(terrain: TerrainPrim) -> tuple[ForestPicture, ...]:
-    """Of the forest from four sides, from above, and from eye height."""
+def list_pictures(terrain: TerrainPrim, levels: Sequence[PlantedLevel]) -> tuple[ForestPicture, ...]:
+    """Of the forest from four sides, from above, and from eye height.
+
+    Storm draws reliefs as it draws meshes, and in a part of the memory; near by, leaves where there are not too many.
+    """
+    plants = {level.name: len(level.ids) for level in levels}
+    far = RELIEF if RELIEF in plants else ""
+    near = LEAVES if 0 < plants.get(LEAVES, 0) <= MAX_LEAFY else far
     return (
         *(
-            ForestPicture(title=title, file=file, pinhole=_camera_beside(terrain, np.radians(azimuth)))
+            ForestPicture(title=title, file=file, pinhole=_camera_beside(terrain, np.radians(azimuth)), level=far)
             for (title, _, file), azimuth in zip(SIDES, (0, 90, 180, 270), strict=True)
         ),
-        ForestPicture(title="From above", file="preview_top.png", pinhole=None),
-        ForestPicture(title="At eye height", file="preview_eye.png", pinhole=_camera_at_eye(terrain)),
+        ForestPicture(title="From above", file="preview_top.png", pinhole=None, level=far),
+        ForestPicture(title="At eye height", file="preview_eye.png", pinhole=_camera_at_eye(terrain), level=near),
     )
 
 
@@ -89,7 +98,7 @@ def list_shot_pictures(shots: Sequence[PlannedShot]) -> tuple[ForestPicture, ...
                     title=f"{shot.planted.name}, frame {frames[number]:g}",
                     file=f"{shot.planted.name}_{frames[number]:g}.png",
                     pinhole=pinhole_of(shot.camera.path, number, SHOT_PX),
-                    shot=shot.planted.name,
+                    level=shot.planted.name,
                     frame=float(frames[number]),
                 )
             )
@@ -114,28 +123,30 @@ def draw_forest(
     """
     if interface is None:
         return ()
-    of_default = [
-        PreviewView(output=folder / each.file, pinhole=each.pinhole)
-        if each.pinhole is not None
-        else PreviewView(output=folder / each.file, direction="top")
-        for each in pictures
-        if not each.shot
-    ]
+    of_forest, of_shots = (
+        [_as_view(each, folder) for each in pictures if (each.frame is None) == still] for still in (True, False)
+    )
     settings = PreviewSettings(width_px=960, height_px=640, purposes=("default", "render", "proxy"))
     try:
-        render_views(interface, of_default, settings, progress_in_step("preview", progress))
+        render_views(interface, of_forest, settings, progress_in_step("preview", progress))
     except PreviewError as error:
         remarks.append(remark_missing_pictures(error))
         return ()
-    of_shots = [
-        PreviewView(output=folder / each.file, pinhole=each.pinhole, variants=((LEVEL, each.shot),), frame=each.frame)
-        for each in pictures
-        if each.shot
-    ]
     if of_shots:
         settings = PreviewSettings(purposes=("default", "render", "proxy"))
         render_views(interface, of_shots, settings, progress_in_step("preview", progress))
     return tuple(ReportView(name=each.title, file=each.file) for each in pictures)
+
+
+def _as_view(picture: ForestPicture, folder: Path) -> PreviewView:
+    """How it is drawn, to a file in folder."""
+    return PreviewView(
+        output=folder / picture.file,
+        pinhole=picture.pinhole,
+        direction="top",
+        variants=((LEVEL, picture.level),) if picture.level else None,
+        frame=picture.frame,
+    )
 
 
 def pinhole_of(path: CameraPath, number: int, width_px: int) -> Pinhole:

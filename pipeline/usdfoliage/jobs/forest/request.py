@@ -81,12 +81,10 @@ def describe_settings(request: ForestRequest) -> Mapping[str, str]:
 
 
 def _describe_shots(shots: ShotRequest) -> dict[str, str]:
-    """What decides how shots are planned; nothing without a shot."""
-    if not shots.files:
-        return {}
+    """What decides how shots, and near and far tiles, are drawn."""
     named = {"camera-prim": shots.prim, "near-level": shots.near, "far-level": shots.far}
     return {
-        "max-full-plants": str(shots.settings.max_full),
+        **({"max-full-plants": str(shots.settings.max_full)} if shots.files else {}),
         **{name: value for name, value in named.items() if value is not None},
     }
 

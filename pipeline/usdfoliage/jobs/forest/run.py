@@ -115,8 +115,7 @@ def plan_forest_asset(request: ForestRequest) -> str:
     assets = measure_plants(read.planted.plants, request.output)
     read_row_leaves(read.planted.plants, assets, request.output)
     levels = levels_of(assets)
-    if cameras:
-        choose_levels(request.shots, levels)
+    choose_levels(request.shots, levels)
     grid = None
     if request.tile_m is not None:
         grid = grid_of(request, mesh_terrain(read.planted.terrain, request.max_terrain_quads))

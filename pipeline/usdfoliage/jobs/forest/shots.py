@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.asset.packages.forest_package import PlantedShot
+from usdfoliage.asset.packages.lods import AutoPlants
 from usdfoliage.asset.parts.planted import HiddenPlants, PlantedLevel
 from usdfoliage.asset.plant import asset_name
 from usdfoliage.asset.shot_camera import ShotCamera, read_shot_camera
@@ -170,6 +171,18 @@ def choose_levels(request: ShotRequest, levels: Collection[str]) -> tuple[str, s
         CaptureError: The forest does not have one.
     """
     return _level(request.near, NEAR_LEVELS, levels), _level(request.far, FAR_LEVELS, levels)
+
+
+def auto_plants(
+    request: ShotRequest, levels: Collection[str], lod_distance_m: tuple[float, float]
+) -> AutoPlants | None:
+    """What a renderer that knows UsdLod chooses from without a shot: the levels of near and far plants.
+
+    Returns:
+        None where both are drawn in one level.
+    """
+    near, far = choose_levels(request, levels)
+    return None if near == far else AutoPlants(near=near, far=far, lod_distance_m=lod_distance_m)
 
 
 def _spheres_around(levels: Sequence[PlantedLevel]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -49,7 +49,7 @@ def split_forest(
             clumps = np.flatnonzero(of_grass[index] == number) if shot.grass is not None else np.zeros(0, np.int64)
             grass = shot.grass.take(clumps) if shot.grass is not None and len(clumps) else None
             shots.append(replace(shot, levels=[level for level in seen if len(level.ids)], grass=grass))
-        tiles.append(ForestTile(name=grid.name(number), terrain=terrain, levels=levels, shots=shots))
+        tiles.append(replace(whole, name=grid.name(number), terrain=terrain, levels=levels, shots=shots))
     return tiles
 
 

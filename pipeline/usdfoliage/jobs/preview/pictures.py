@@ -249,8 +249,9 @@ def draw_views(
         )
     if result["lighter"]:
         logger.warning(
-            "there is so much to draw that plants are drawn as their %s; select a variant of lod for another form (%s)",
+            "there is so much to draw that plants are drawn as their %s; select a variant of %s for another form (%s)",
             result["lighter"],
+            "level" if result["lighter"] == "relief" else "lod",
             usd_file,
         )
     empty = [view for view, picture in zip(views, pictures, strict=True) if not picture[..., 3].any()]
