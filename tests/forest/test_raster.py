@@ -11,6 +11,7 @@ from usdfoliage.forest.raster import (
     sample_nearest,
     to_ground,
     to_pixels,
+    upright_grid,
 )
 
 angles = st.floats(-3, 3)
@@ -51,3 +52,16 @@ def test_beyond_the_middles_values_continue_and_the_nearest_pixel_is_read():
 def test_colors_are_read_by_channel():
     values = np.stack([np.full((3, 3), 0.2), np.full((3, 3), 0.4)], axis=-1)
     assert sample_bilinear(turned(0.3, values), pixel_grid(turned(0.3, values))[1]).tolist() == [[0.2, 0.4]] * 3
+
+
+def test_an_upright_grid_holds_a_turned_raster_and_no_more():
+    upright = Raster(values=np.ones((3, 5)), ground_from_pixel=np.array([[0.5, 0.0, 100.0], [0.0, -0.5, 200.0]]))
+    assert upright_grid(upright) is upright
+    for angle in (0.4, 2.0, -1.0):
+        raster = turned(angle, np.zeros((9, 12)))
+        around = upright_grid(raster)
+        assert around.ground_from_pixel[0, 1] == around.ground_from_pixel[1, 0] == 0
+        np.testing.assert_allclose(np.diag(around.ground_from_pixel[:, :2]), [0.5, -0.5], rtol=0.15)
+        inside = to_pixels(around, to_ground(raster, np.array([[0, 0], [12, 0], [0, 9], [12, 9.0]])))
+        height, width = around.values.shape
+        np.testing.assert_allclose([inside.min(axis=0), inside.max(axis=0)], [[0, 0], [width, height]], atol=1e-9)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from usdfoliage.errors import CaptureError
-from usdfoliage.forest.raster import Raster, to_ground
+from usdfoliage.forest.raster import Raster, to_ground, upright_grid
 from usdfoliage.forest.terrain import (
     close_holes,
     ground_height,
@@ -88,3 +88,16 @@ def test_heights_of_the_mesh_are_those_of_its_triangles(north, max_quads):
     np.testing.assert_allclose(mesh_height(mesh, terrain, mesh.places_m[:, :2]), mesh.places_m[:, 2], atol=1e-9)
     beyond = np.array([[-1.0, 5.0], [21.0, 5.0], [5.0, -1.0], [5.0, 15.0]])
     assert np.isnan(mesh_height(mesh, terrain, to_ground(raster, beyond))).all()
+
+
+@pytest.mark.parametrize("matrix", [[[1.5, 0.8, 100.0], [0.6, -1.6, 50]], [[0.0, 2.0, 100.0], [2.0, 0.0, 50]]])
+def test_texture_coordinates_of_a_turned_ground_go_east_and_north(matrix):
+    raster = Raster(values=np.zeros((14, 20)), ground_from_pixel=np.array(matrix))
+    mesh = mesh_terrain(make_terrain(raster), 10_000)
+    pictured = upright_grid(raster)
+    height, width = pictured.values.shape
+    corner_m, cell_m = pictured.ground_from_pixel[:, 2], np.abs(np.diag(pictured.ground_from_pixel))
+    low_m = corner_m - [0, height * cell_m[1]]
+    np.testing.assert_allclose(mesh.st, (mesh.places_m[:, :2] - low_m) / ([width, height] * cell_m), atol=1e-12)
+    assert (mesh.st.min(axis=0) > 0).all()
+    assert (mesh.st.max(axis=0) < 1).all()

@@ -40,6 +40,27 @@ def pixel_grid(raster: Raster) -> Floats:
     return to_ground(raster, np.stack([column, row], axis=-1).reshape(-1, 2)).reshape(height, width, 2)
 
 
+def upright_grid(raster: Raster) -> Raster:
+    """Pixels of the same size whose rows go south and columns east, over all of a raster; itself where it lies so.
+
+    Returns:
+        With zeros as values (H, W) where it is not the raster itself.
+    """
+    matrix = raster.ground_from_pixel
+    if not (matrix[0, 1] or matrix[1, 0] or matrix[0, 0] < 0 or matrix[1, 1] > 0):
+        return raster
+    height, width = raster.values.shape[:2]
+    corners_m = to_ground(raster, np.array([[0, 0], [width, 0], [0, height], [width, height]]))
+    low_m, high_m = corners_m.min(axis=0), corners_m.max(axis=0)
+    columns, rows = np.maximum(np.ceil((high_m - low_m) / raster.cell_m - 1e-6), 1).astype(np.int64).tolist()
+    across_m, down_m = (high_m - low_m) / [columns, rows]
+    return Raster(
+        values=np.broadcast_to(0.0, (rows, columns)),
+        ground_from_pixel=np.array([[across_m, 0.0, low_m[0]], [0.0, -down_m, high_m[1]]]),
+        crs=raster.crs,
+    )
+
+
 def is_inside(raster: Raster, ground_m: Floats) -> NDArray[np.bool_]:
     """(N,) which places (N, 2) lie in the raster."""
     height, width = raster.values.shape[:2]

@@ -9,7 +9,15 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import spsolve
 
 from usdfoliage.errors import CaptureError
-from usdfoliage.forest.raster import Raster, is_inside, pixel_grid, sample_bilinear, sample_nearest, to_pixels
+from usdfoliage.forest.raster import (
+    Raster,
+    is_inside,
+    pixel_grid,
+    sample_bilinear,
+    sample_nearest,
+    to_pixels,
+    upright_grid,
+)
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +44,7 @@ class GroundMesh:
 
     places_m: Floats  # (V, 3)
     faces: NDArray[np.int32]  # (F, 4), counter-clockwise from above
-    st: Floats  # (V, 2), over the rectangle of the terrain: east and north
+    st: Floats  # (V, 2), over the rectangle around the terrain along easting and northing: east and north
     shape: tuple[int, int]  # rows and columns of places
 
 
@@ -143,6 +151,9 @@ def mesh_terrain(terrain: Terrain, max_quads: int) -> GroundMesh:
     pixels = np.stack([column, row], axis=-1).reshape(-1, 2)
     matrix = terrain.heights.ground_from_pixel
     ground_m = pixels @ matrix[:, :2].T + matrix[:, 2]
+    pictured = upright_grid(terrain.heights)
+    place = pixels if pictured is terrain.heights else to_pixels(pictured, ground_m)
+    tall, wide = pictured.values.shape
     corner = np.arange(rows * columns).reshape(rows, columns)
     faces = np.stack([corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:], corner[:-1, :-1]], axis=-1).reshape(-1, 4)
     if np.linalg.det(matrix[:, :2]) > 0:  # rows go north
@@ -150,7 +161,7 @@ def mesh_terrain(terrain: Terrain, max_quads: int) -> GroundMesh:
     return GroundMesh(
         places_m=np.column_stack([ground_m, ground_height(terrain, ground_m)]),
         faces=faces.astype(np.int32),
-        st=np.stack([pixels[:, 0] / width, 1 - pixels[:, 1] / height], axis=-1),
+        st=np.stack([place[:, 0] / wide, 1 - place[:, 1] / tall], axis=-1),
         shape=(rows, columns),
     )
 

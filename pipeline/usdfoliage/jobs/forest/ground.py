@@ -12,7 +12,7 @@ from usdfoliage.asset.parts.part import MAPS, SHADERS
 from usdfoliage.forest.contact import count_texels, open_sky
 from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.planting import ForestInput, Planting
-from usdfoliage.forest.raster import Raster
+from usdfoliage.forest.raster import Raster, upright_grid
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.jobs.report.pictures import write_picture
 
@@ -36,7 +36,7 @@ class GroundLook:
 def write_ground_maps(
     folder: Path, name: str, given: ForestInput, planting: Planting, *, grass: bool = True
 ) -> GroundLook:
-    """Write the pictures of the ground into an asset's maps, all over the rectangle of the DEM.
+    """Write the pictures of the ground into an asset's maps, all over the rectangle around the DEM, north up.
 
     Args:
         folder: Of the asset.
@@ -48,7 +48,7 @@ def write_ground_maps(
     Raises:
         WriteError: A file cannot be written.
     """
-    onto = given.terrain.heights
+    onto = upright_grid(given.terrain.heights)
     texture, pixel_m = "", GroundMaterial.photo_pixel_m
     if given.orthophoto is not None:
         copied = lay_photo(given.orthophoto, onto)

@@ -18,7 +18,7 @@ from usdfoliage.errors import CaptureError
 from usdfoliage.files.hashing import hash_bytes, hash_file
 from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.planting import Planting, plant_forest
-from usdfoliage.forest.raster import Raster
+from usdfoliage.forest.raster import Raster, upright_grid
 from usdfoliage.forest.terrain import GroundMesh, Terrain, mesh_terrain, middle_of
 from usdfoliage.forest.tiles import MIN_QUADS, TileGrid, split_mesh, tile_ground
 from usdfoliage.jobs.forest.grass import ShotGrass, grass_rows, grow_grass
@@ -121,7 +121,7 @@ def plant_tiles(
             for name in levels_of(assets)
         ]
         bounds = _picture_bounds(read.planted.terrain.heights, origin_m)
-        if ground.texture and bounds is not None:
+        if ground.texture:
             seen_from_layers = ground.texture if grid is None else f"../../{ground.texture}"
             levels = [replace(level, orthophoto=seen_from_layers, orthophoto_bounds_m=bounds) for level in levels]
         may_be_full = np.array([asset.full is not None for asset in assets])[planting.row]
@@ -275,12 +275,11 @@ def grid_of(request: ForestRequest, mesh: GroundMesh) -> TileGrid | None:
     return grid
 
 
-def _picture_bounds(heights: Raster, origin_m: NDArray[np.float64]) -> tuple[float, float, float, float] | None:
-    """Least x and z, greatest x and z of the picture of the ground; None where north is not up in it."""
-    matrix = heights.ground_from_pixel
-    if matrix[0, 1] or matrix[1, 0] or matrix[0, 0] < 0 or matrix[1, 1] > 0:
-        return None
-    height, width = heights.values.shape
+def _picture_bounds(heights: Raster, origin_m: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """Least x and z, greatest x and z of the pictures of the ground."""
+    pictured = upright_grid(heights)
+    matrix = pictured.ground_from_pixel
+    height, width = pictured.values.shape
     west, north = matrix[:, 2] - origin_m[:2]
     return float(west), float(-north), float(west + width * matrix[0, 0]), float(-north - height * matrix[1, 1])
 

@@ -27,6 +27,7 @@ from usdfoliage.jobs.report.timings import write_step_times
 from usdfoliage.progress import StepProgress, progress_in_step
 from usdfoliage.remarks import Remark, RenderSetting, list_sentences
 
+COMPLEXITY = "low"
 SHOT_PX = 960  # width of the pictures of shots
 MAP_PX = 1400  # longer side of the map
 SIDES = (
@@ -37,7 +38,7 @@ SIDES = (
 )
 ABOVE_DEG = 28.0  # from which the sides are seen
 EYE_M = 1.7
-MAX_LEAFY = 5_000  # plants, up to which a picture has leaves on all
+MAX_LEAFY = 500  # plants, up to which a picture has leaves on all
 EDGE_M = 2.0  # from the south edge of the ground to the camera at eye height
 BARS = 24
 
@@ -126,14 +127,17 @@ def draw_forest(
     of_forest, of_shots = (
         [_as_view(each, folder) for each in pictures if (each.frame is None) == still] for still in (True, False)
     )
-    settings = PreviewSettings(width_px=960, height_px=640, purposes=("default", "render", "proxy"))
+    # Plants are so small that a refined face would be no pixel.
+    settings = PreviewSettings(
+        width_px=960, height_px=640, purposes=("default", "render", "proxy"), complexity=COMPLEXITY
+    )
     try:
         render_views(interface, of_forest, settings, progress_in_step("preview", progress))
     except PreviewError as error:
         remarks.append(remark_missing_pictures(error))
         return ()
     if of_shots:
-        settings = PreviewSettings(purposes=("default", "render", "proxy"))
+        settings = PreviewSettings(purposes=("default", "render", "proxy"), complexity=COMPLEXITY)
         render_views(interface, of_shots, settings, progress_in_step("preview", progress))
     return tuple(ReportView(name=each.title, file=each.file) for each in pictures)
 
