@@ -129,6 +129,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--vegetation, the orthophoto and the canopy height show where they are, and what is a roof or a lawn.",
     )
     planting.add_argument(
+        "--no-clear-ground",
+        action="store_true",
+        help="The orthophoto lies on the ground as it is, with the crowns that it shows. Without this option the "
+        "ground below trees that stand where they are seen has the colours of the ground beside them.",
+    )
+    planting.add_argument(
         "--max-ground-cover",
         metavar="N",
         type=int,

@@ -74,7 +74,7 @@ def main() -> int:
                 )
                 for drawn_at in (frame, frame - 1)
             ]
-        settings = PreviewSettings(purposes=("default", "render", "proxy"))
+        settings = PreviewSettings(purposes=("default", "render", "proxy"), complexity="low")
         drawn = [finish_picture(each, BACKGROUND)[..., :3] for each in draw_views(interface, views, settings)]
     shares = []
     for with_changes, without in zip(drawn[::2], drawn[1::2], strict=True):

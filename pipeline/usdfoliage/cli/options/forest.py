@@ -47,6 +47,7 @@ def read_forest_request(options: argparse.Namespace) -> ForestRequest:
             ),
             max_terrain_quads=options.max_terrain_quads,
             lod_distance_m=lod_distance_m,
+            clear_ground=not options.no_clear_ground,
             sky=SkySettings(azimuth_deg=options.sky[0], elevation_deg=options.sky[1]) if options.sky else None,
             tile_m=options.tile,
             shots=ShotRequest(

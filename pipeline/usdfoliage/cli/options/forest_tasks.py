@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 WHOLE_STEPS = ("list", "plan", "publish")  # which have no chunks
 FLAGS = ("--no-preview", "--reproducible", "--force", "--keep-old")  # of the last step
-SWITCHES = ("--no-find-vegetation", "--no-grass")  # of all steps
+SWITCHES = ("--no-find-vegetation", "--no-clear-ground", "--no-grass")  # of all steps
 _FILES = (
     ("plants", "the plants, TOML"),
     ("orthophoto", "what the ground and its plants look like from above"),

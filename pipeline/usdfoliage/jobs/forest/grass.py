@@ -14,6 +14,7 @@ from usdfoliage.forest.planting import ForestInput
 from usdfoliage.forest.raster import Raster, is_inside, sample_bilinear
 from usdfoliage.forest.shots import CameraPath
 from usdfoliage.forest.terrain import GroundMesh, mesh_height
+from usdfoliage.jobs.forest.ground import GroundLook
 from usdfoliage.jobs.forest.levels import turn_and_lean
 from usdfoliage.jobs.report.table import Row
 
@@ -40,7 +41,7 @@ class ShotGrass:
 def grow_grass(
     given: ForestInput,
     vegetated: Raster,
-    open_sky: Raster | None,
+    look: GroundLook,
     mesh: GroundMesh,
     path: CameraPath,
     asset_from_ground: NDArray[np.float64],
@@ -53,7 +54,7 @@ def grow_grass(
     Args:
         given: The terrain, and its orthophoto where there is one.
         vegetated: (H, W), 1 where the ground has plants of any kind.
-        open_sky: (H, W), the part of the sky's light that plants leave; None where there are none.
+        look: How the ground is drawn.
         mesh: The ground as it is drawn.
         path: Of the camera, in the asset's frame.
         asset_from_ground: (4, 4), column vectors, from easting, northing and height in metres.
@@ -71,25 +72,32 @@ def grow_grass(
     steep = np.linalg.norm(clumps.slope, axis=1)
     downhill = -clumps.slope / np.maximum(steep, 1e-12)[:, None]
     place = np.column_stack([clumps.ground_m, clumps.elevation_m, np.ones(len(clumps))])
-    open_part = np.ones(len(clumps)) if open_sky is None else sample_bilinear(open_sky, clumps.ground_m)
+    open_part = np.ones(len(clumps)) if look.open_sky is None else sample_bilinear(look.open_sky, clumps.ground_m)
     prim = GrassPrim(
         forms=[build_clump(np.random.default_rng([seed, FORM_SEED, number])) for number in range(FORMS)],
         form=(clumps.form * FORMS).astype(np.int32),
         position_m=(place @ asset_from_ground.T)[:, :3],
         orientation=turn_and_lean(clumps.turn_deg, np.degrees(np.arctan(steep))[:, None] * downhill),
         scale=np.column_stack([clumps.across, clumps.height_m, clumps.across]),
-        tint=ground_color(given, clumps),
+        tint=ground_color(given.orthophoto, look.colors, clumps),
         open_sky=np.clip(open_part, 0, 1),
     )
     return ShotGrass(prim=prim, ground_m=clumps.ground_m)
 
 
-def ground_color(given: ForestInput, clumps: GrassClumps) -> NDArray[np.float64]:
-    """(N, 3) linear colour of the orthophoto at each clump, or that of grass where it shows nothing."""
+def ground_color(orthophoto: Raster | None, colors: Raster | None, clumps: GrassClumps) -> NDArray[np.float64]:
+    """(N, 3) linear colour of the ground at each clump, or that of grass where the orthophoto shows nothing.
+
+    Args:
+        orthophoto: (H, W, 3), as it was given; None without one.
+        colors: (H, W, 3) of the ground as it is drawn; None without an orthophoto.
+        clumps: Of the grass.
+    """
     color = np.full((len(clumps), 3), np.nan)
-    if given.orthophoto is not None:
-        covered = is_inside(given.orthophoto, clumps.ground_m)
-        color[covered] = sample_bilinear(given.orthophoto, clumps.ground_m[covered])
+    if orthophoto is not None and colors is not None:
+        shown = is_inside(orthophoto, clumps.ground_m)
+        shown[shown] = np.isfinite(sample_bilinear(orthophoto, clumps.ground_m[shown])).all(axis=1)
+        color[shown] = sample_bilinear(colors, clumps.ground_m[shown])
     color[~np.isfinite(color).all(axis=1)] = GRASS_COLOR
     return color * clumps.shade[:, None]
 

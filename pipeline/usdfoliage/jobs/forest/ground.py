@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from usdfoliage.asset.materials.ground import GROUND_SHADER, GroundMaterial
 from usdfoliage.asset.parts.part import MAPS, SHADERS
+from usdfoliage.forest.clear_ground import clear_crowns
 from usdfoliage.forest.contact import count_texels, open_sky
 from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.planting import ForestInput, Planting
@@ -30,11 +31,20 @@ class GroundLook:
     """How the ground is drawn."""
 
     material: GroundMaterial  # paths as seen from the payload's folder
+    orthophoto: str = ""  # likewise, as it was taken; empty without one
+    colors: Raster | None = None  # (H, W, 3) of the ground, linear; None without an orthophoto
     open_sky: Raster | None = None  # (H, W), the part of the sky's light that plants leave; None where there are none
 
 
 def write_ground_maps(
-    folder: Path, name: str, given: ForestInput, planting: Planting, *, grass: bool = True
+    folder: Path,
+    name: str,
+    given: ForestInput,
+    planting: Planting,
+    *,
+    grass: bool = True,
+    clear: bool = True,
+    seed: int = 0,
 ) -> GroundLook:
     """Write the pictures of the ground into an asset's maps, all over the rectangle around the DEM, north up.
 
@@ -44,19 +54,29 @@ def write_ground_maps(
         given: The terrain, and its orthophoto where there is one.
         planting: What stands on it, and where it is vegetated.
         grass: Whether vegetated ground has the hues of grass.
+        clear: Whether the ground has colours from beside the crowns that the orthophoto shows, in their places.
+        seed: Of what varies in these places.
 
     Raises:
         WriteError: A file cannot be written.
     """
     onto = upright_grid(given.terrain.heights)
-    texture, pixel_m = "", GroundMaterial.photo_pixel_m
+    texture, orthophoto, pixel_m = "", "", GroundMaterial.photo_pixel_m
+    colors: Raster | None = None
     if given.orthophoto is not None:
         copied = lay_photo(given.orthophoto, onto)
         pixel_m = max(copied.cell_m, given.orthophoto.cell_m)
         height, width = copied.values.shape[:2]
-        texture = f"{name}_orthophoto{'.png' if height * width <= LOSSLESS_PIXELS else '.jpg'}"
-        (folder / "maps").mkdir(exist_ok=True)
-        write_picture(folder / "maps" / texture, encode_8_bits(encode_srgb(copied.values)), jpeg_quality=92)
+        suffix = ".png" if height * width <= LOSSLESS_PIXELS else ".jpg"
+        texture = orthophoto = f"{name}_orthophoto{suffix}"
+        _write_colors(folder / "maps" / orthophoto, copied)
+        trees = planting.seen & np.array([row.kind == PlantKind.TREE for row in given.plants.rows])[planting.row]
+        colors = copied
+        if clear and trees.any():
+            colors = clear_crowns(copied, planting.ground_m[trees], planting.radius_m[trees], seed)
+        if colors is not copied:
+            texture = f"{name}_ground{suffix}"
+            _write_colors(folder / "maps" / texture, colors)
     contact, sky_map = "", None
     crowned = np.array([row.kind != PlantKind.GRASS for row in given.plants.rows])[planting.row]
     if crowned.any():
@@ -80,8 +100,16 @@ def write_ground_maps(
             shader=f"{SHADERS}/{GROUND_SHADER}",
             photo_pixel_m=pixel_m,
         ),
+        orthophoto=f"{MAPS}/{orthophoto}" if orthophoto else "",
+        colors=colors,
         open_sky=sky_map,
     )
+
+
+def _write_colors(path: Path, colors: Raster) -> None:
+    """Write linear colours (H, W, 3) as a picture."""
+    path.parent.mkdir(exist_ok=True)
+    write_picture(path, encode_8_bits(encode_srgb(colors.values)), jpeg_quality=92)
 
 
 def lay_photo(photo: Raster, onto: Raster) -> Raster:

@@ -95,7 +95,15 @@ def plant_tiles(
     with follow_step("levels", seconds, progress):
         origin_m = middle_of(read.planted.terrain)
         asset_from_ground = frame_of(origin_m)
-        look = write_ground_maps(folder, request.name, read.planted, planting, grass=request.grass.grown)
+        look = write_ground_maps(
+            folder,
+            request.name,
+            read.planted,
+            planting,
+            grass=request.grass.grown,
+            clear=request.clear_ground,
+            seed=request.planting.seed,
+        )
         ground = look.material
         (folder / "report").mkdir(exist_ok=True)
         legend = write_forest_map(folder / "report", read.planted, planting)
@@ -121,8 +129,8 @@ def plant_tiles(
             for name in levels_of(assets)
         ]
         bounds = _picture_bounds(read.planted.terrain.heights, origin_m)
-        if ground.texture:
-            seen_from_layers = ground.texture if grid is None else f"../../{ground.texture}"
+        if look.orthophoto:
+            seen_from_layers = look.orthophoto if grid is None else f"../../{look.orthophoto}"
             levels = [replace(level, orthophoto=seen_from_layers, orthophoto_bounds_m=bounds) for level in levels]
         may_be_full = np.array([asset.full is not None for asset in assets])[planting.row]
         by_name = {level.name: level for level in levels}
@@ -136,7 +144,7 @@ def plant_tiles(
                 grow_grass(
                     read.planted,
                     planting.vegetated,
-                    look.open_sky,
+                    look,
                     mesh,
                     shot.camera.path,
                     asset_from_ground,

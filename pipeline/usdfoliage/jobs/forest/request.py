@@ -29,6 +29,7 @@ class ForestRequest:
     max_terrain_quads: int = 1_000_000
     lod_distance_m: tuple[float, float] = (100.0, 200.0)  # as the thesis has it, section 7.3
     shots: ShotRequest = field(default_factory=ShotRequest)
+    clear_ground: bool = True  # no colours of crowns on the ground, where trees stand
     grass: GrassRequest = field(default_factory=GrassRequest)  # near the cameras of shots
     sky: SkySettings | None = None  # where the sun is; None for a forest without lights
     tile_m: float | None = None  # side of tiles; None for a forest in one piece
@@ -73,6 +74,7 @@ def describe_settings(request: ForestRequest) -> Mapping[str, str]:
             if is_ground_file(request.files.dem)
             else {}
         ),
+        **({} if request.clear_ground else {"no-clear-ground": "yes"}),
         **({} if request.sky is None else {"sky": f"{request.sky.azimuth_deg:g} {request.sky.elevation_deg:g}"}),
         **({} if request.tile_m is None else {"tile": f"{request.tile_m:g}"}),
         **_describe_shots(request.shots),
