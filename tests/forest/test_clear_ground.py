@@ -43,8 +43,8 @@ def test_colours_follow_a_slope_of_colours():
     photo, _ = photo_with_crowns(size, [(1032.0, 4968.0)], [8.0])
     slope = np.linspace(0.1, 0.5, size)[None, :, None] * np.ones((size, 1, 3))
     values = np.where((photo.values == CROWN).all(axis=-1)[..., None], CROWN, slope)
-    shown = Raster(values=values, ground_from_pixel=FRAME)
-    cleared = clear_crowns(shown, np.array([(1032.0, 4968.0)]), np.array([8.0])).values
+    sloped = Raster(values=values, ground_from_pixel=FRAME)
+    cleared = clear_crowns(sloped, np.array([(1032.0, 4968.0)]), np.array([8.0])).values
     assert np.abs(cleared - slope).max() < 0.1
 
 

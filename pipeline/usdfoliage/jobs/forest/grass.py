@@ -95,9 +95,9 @@ def ground_color(orthophoto: Raster | None, colors: Raster | None, clumps: Grass
     """
     color = np.full((len(clumps), 3), np.nan)
     if orthophoto is not None and colors is not None:
-        shown = is_inside(orthophoto, clumps.ground_m)
-        shown[shown] = np.isfinite(sample_bilinear(orthophoto, clumps.ground_m[shown])).all(axis=1)
-        color[shown] = sample_bilinear(colors, clumps.ground_m[shown])
+        covered = is_inside(orthophoto, clumps.ground_m)
+        covered[covered] = np.isfinite(sample_bilinear(orthophoto, clumps.ground_m[covered])).all(axis=1)
+        color[covered] = sample_bilinear(colors, clumps.ground_m[covered])
     color[~np.isfinite(color).all(axis=1)] = GRASS_COLOR
     return color * clumps.shade[:, None]
 
