@@ -92,6 +92,29 @@ def test_the_deepest_and_lowest_are_darker_and_the_mean_is_the_crowns():
     assert shade[leafy.place_m[:, 1] > 5].mean() > shade[leafy.place_m[:, 1] < 3].mean() + 0.05
 
 
+def test_leaves_have_the_colors_of_the_crown_where_they_are():
+    direction = face_directions(24)
+    color = np.where(direction[..., :1] > 0, [0.4, 0.05, 0.05], [0.05, 0.05, 0.4])  # red on the right, blue on the left
+    leafy = build_leafy_crown(replace(crown(), color=color), LeafyCrownSettings(clusters=80))
+    assert leafy.leaf_color.shape == (80, 36, 3)
+    side_m = leafy.place_m[:, 0] - CENTER_M[0]
+    red = leafy.leaf_color[..., 0] / leafy.leaf_color[..., [0, 2]].sum(axis=-1)
+    assert red[side_m > 0.6].mean() > 0.85
+    assert red[side_m < -0.6].mean() < 0.15
+    middle = np.abs(side_m) < 0.15  # one cluster has leaves of both
+    assert np.ptp(red[middle], axis=1).mean() > 0.4
+
+
+def test_leaves_are_as_bright_as_the_crown_and_darker_below_and_inside():
+    leafy = build_leafy_crown(crown())
+    shade = leafy.leaf_color[..., 1] / 0.2
+    assert 0.7 < shade.mean() < 1
+    high = leafy.place_m[:, 1] > CENTER_M[1]
+    deep = np.linalg.norm(leafy.place_m - CENTER_M, axis=1) < 0.7
+    assert shade[high].mean() > shade[~high].mean() + 0.05
+    assert shade[deep].mean() < shade[~deep].mean()
+
+
 def test_leaves_of_a_cluster_are_quads_with_a_middle_and_a_normal():
     cluster = build_leafy_crown(crown(), LeafyCrownSettings(leaves=9)).forms[0]
     corners = cluster.points.reshape(-1, 4, 3)

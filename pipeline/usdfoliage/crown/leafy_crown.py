@@ -2,7 +2,8 @@
 
 The thesis places 320 billboards in a ball, sorts them by their distances, and cuts away fragments outside the crown
 (Argudo, section 5.2). Ours differs: places are spread over the crown itself, farthest first, so that every prefix
-covers it; and a cluster is of single leaves that end inside the crown, so that no leaf is cut.
+covers it; a cluster is of single leaves, which the shader moves into the crown, so that no leaf is cut; and each leaf
+has the crown's colour where it is, so that leaves differ as the photograph does.
 """
 
 from dataclasses import dataclass
@@ -27,7 +28,9 @@ _LEAF = 1.6  # of that radius, half of the length of a plain leaf times the root
 _LONGEST = 0.6  # of that radius, half of the length of any leaf
 _MORE = 4.0  # times as many leaves, where they are slim
 _AROUND = 48  # directions, of whose colours a cluster has the mean
-_SHADE = 0.35  # standard deviation of the logarithm of a leaf's brightness
+_SHADE = 0.25  # standard deviation of the logarithm of a leaf's brightness, beyond what the map of colours has
+_ON_LEAF = 8  # directions, of whose colours a leaf has the mean
+_LEAF_PART = 0.5  # of half its length, standard deviation of how far these are from its middle
 _OCCLUSION = 0.35  # of the light, that the deepest place below loses; as the shader of the mesh has it
 
 
@@ -75,7 +78,6 @@ class LeafCluster:
     corner: Floats  # (4 L, 2) across and along a leaf, from its middle
     st: Floats  # (4 L, 2)
     normals: Floats  # (4 L, 3), unit
-    shade: Floats  # (4 L,) factor on the colour of the leaf of each corner
 
     @property
     def reach(self) -> float:
@@ -91,6 +93,7 @@ class LeafyCrown:
     orientation: Floats  # (N, 4) unit quaternions, real part first: the cluster's +Z looks away from the centre
     radius_m: Floats  # (N,)
     color: Floats  # (N, 3) linear, with the occlusion below and inside
+    leaf_color: Floats  # (N, L, 3) the same of each leaf
     form: NDArray[np.int64]  # (N,)
     rank: Floats  # (N,) 0 to below 1, by the order
     forms: tuple[LeafCluster, ...]
@@ -126,20 +129,49 @@ def build_leafy_crown(crown: CrownModel, settings: LeafyCrownSettings = LeafyCro
     aside = (radius_m / reach_m)[:, None] * rng.standard_normal((_AROUND, len(chosen), 3)) / np.sqrt(3)
     around = sample_cubemap(crown.color, direction + aside)
     color = around.mean(axis=0) * (1 - _OCCLUSION * (1 - 0.5 * (share + above)))[:, None]
+    orientation = _outwards(direction, rng.uniform(0, 2 * np.pi, len(chosen)))
+    forms, form = _clusters(settings, rng), np.arange(len(chosen)) % settings.forms
+    middles = np.stack([each.middle[::4] for each in forms])[form] * radius_m[:, None, None]
+    leaves_m = out_m[:, None, None] * direction[:, None] + _turn(middles, orientation)
     return LeafyCrown(
         place_m=place_m,
-        orientation=_outwards(direction, rng.uniform(0, 2 * np.pi, len(chosen))),
+        orientation=orientation,
         radius_m=radius_m,
         color=color,
-        form=np.arange(len(chosen)) % settings.forms,
+        leaf_color=_leaf_colors(crown, leaves_m, settings.half_length * radius_m, rng),
+        form=form,
         rank=np.arange(len(chosen)) / len(chosen),
-        forms=_clusters(settings, rng),
+        forms=forms,
     )
 
 
 def build_leaf_clusters(settings: LeafyCrownSettings = LeafyCrownSettings()) -> tuple[LeafCluster, ...]:
     """The forms of clusters alone, for crowns that have their places already."""
     return _clusters(settings, np.random.default_rng(settings.seed))
+
+
+def _leaf_colors(crown: CrownModel, places_m: Floats, half_m: Floats, rng: np.random.Generator) -> Floats:
+    """(N, L, 3) linear: what the crown has around each leaf, shaded as its mesh is (Argudo, section 5.3).
+
+    Args:
+        crown: Its radii and colours.
+        places_m: (N, L, 3) of the leaves, from the crown's centre.
+        half_m: (N,) of the length of leaves.
+        rng: For what differs from leaf to leaf.
+    """
+    away_m = np.linalg.norm(places_m, axis=-1)
+    direction = places_m / np.maximum(away_m, 1e-12)[..., None]
+    reach_m = sample_cubemap(crown.radius_m, direction)
+    aside = (_LEAF_PART * half_m[:, None] / reach_m)[..., None]
+    color = np.zeros((*away_m.shape, 3))
+    for _ in range(_ON_LEAF):
+        color += sample_cubemap(crown.color, direction + aside * rng.standard_normal(direction.shape)) / _ON_LEAF
+    low_m, high_m = float(crown.radius_m.min()), float(crown.radius_m.max())
+    at_m = np.minimum(away_m, reach_m)
+    outside = np.clip((at_m - low_m) / (high_m - low_m), 0, 1) if high_m > low_m else np.ones_like(at_m)
+    above = np.clip(0.5 + 0.5 * direction[..., 1] * at_m / high_m, 0, 1)
+    shade = np.exp(_SHADE * rng.standard_normal(away_m.shape) - _SHADE**2 / 2)
+    return color * (shade * (1 - _OCCLUSION * (1 - 0.5 * (outside + above))))[..., None]
 
 
 def _fitted_sizes(
@@ -217,6 +249,13 @@ def _outwards(direction: Floats, roll: Floats) -> Floats:
     return np.column_stack([w * c, x * c + y * s, y * c - x * s, w * s])
 
 
+def _turn(points: Floats, orientation: Floats) -> Floats:
+    """Points (N, L, 3) turned by quaternions (N, 4), real part first."""
+    real, axis = orientation[:, None, :1], np.broadcast_to(orientation[:, None, 1:], points.shape)
+    twice = 2 * np.cross(axis, points)
+    return points + real * twice + np.cross(axis, twice)
+
+
 def _clusters(settings: LeafyCrownSettings, rng: np.random.Generator) -> tuple[LeafCluster, ...]:
     return tuple(_cluster(settings, rng) for _ in range(settings.forms))
 
@@ -243,5 +282,4 @@ def _cluster(settings: LeafyCrownSettings, rng: np.random.Generator) -> LeafClus
         corner=corner,
         st=np.tile(0.5 + 0.5 * square, (leaves, 1)),
         normals=normal[of],
-        shade=np.exp(_SHADE * rng.standard_normal(leaves) - _SHADE**2 / 2)[of],
     )

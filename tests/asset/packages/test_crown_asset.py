@@ -71,6 +71,7 @@ def test_layout(oak):
     assert sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()) == [
         "maps/oak_crown_color.exr",
         "maps/oak_crown_leaf.png",
+        "maps/oak_crown_leaf_colors.png",
         "maps/oak_crown_radius.exr",
         "oak.usda",
         "payload/crown.usdc",

@@ -31,13 +31,11 @@ class CrownMaterial:
 def author_crown_material(stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial) -> UsdShade.Material:
     """Define a material that shows the colour cubemap by the mesh's st, for three kinds of renderer."""
     material = UsdShade.Material.Define(stage, path)
-    texture = _author_preview_texture(stage, path.AppendChild("ColorMap"), crown.color_map)
-    texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    texture = _author_map(stage, path.AppendChild("ColorMap"), crown.color_map, "rgb", Sdf.ValueTypeNames.Float3)
     surface = _author_preview_surface(stage, path.AppendChild("PreviewSurface"), texture)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
     _author_mtlx_surface(stage, material, crown)
-    radius = _author_preview_texture(stage, path.AppendChild("RadiusMap"), crown.radius_map)
-    radius.CreateOutput("r", Sdf.ValueTypeNames.Float)
+    radius = _author_map(stage, path.AppendChild("RadiusMap"), crown.radius_map, "r", Sdf.ValueTypeNames.Float)
     surface = _author_storm_surface(stage, path.AppendChild("StormSurface"), crown, crown.shader, texture, radius)
     material.CreateSurfaceOutput("glslfx").ConnectToSource(surface.ConnectableAPI(), "surface")
     return material
@@ -52,10 +50,8 @@ def author_relief_material(stage: Usd.Stage, path: Sdf.Path, crown: CrownMateria
     surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(LEAF_ROUGHNESS)
     surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
-    color = _author_preview_texture(stage, path.AppendChild("ColorMap"), crown.color_map)
-    color.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
-    radius = _author_preview_texture(stage, path.AppendChild("RadiusMap"), crown.radius_map)
-    radius.CreateOutput("r", Sdf.ValueTypeNames.Float)
+    color = _author_map(stage, path.AppendChild("ColorMap"), crown.color_map, "rgb", Sdf.ValueTypeNames.Float3)
+    radius = _author_map(stage, path.AppendChild("RadiusMap"), crown.radius_map, "r", Sdf.ValueTypeNames.Float)
     storm = _author_storm_surface(stage, path.AppendChild("StormSurface"), crown, crown.relief_shader, color, radius)
     material.CreateSurfaceOutput("glslfx").ConnectToSource(storm.ConnectableAPI(), "surface")
     return material
@@ -67,14 +63,20 @@ class CrownLeavesMaterial:
 
     leaf_map: str  # picture with alpha, sRGB
     leaf_brightness: float = 1.0  # factor on its colours, which makes them 1 on average
+    color_map: str  # the colours of all leaves, sRGB
     shader: str  # the glslfx source
     clusters: int
+    leaves: int  # of a cluster
     radius_in_clusters: float  # of the crown, in that of its largest clusters
-    mean_color: tuple[float, float, float] = MISSING_COLOR
 
 
-def author_crown_leaves_material(stage: Usd.Stage, path: Sdf.Path, leaves: CrownLeavesMaterial) -> UsdShade.Material:
-    """Define the material of a crown's leaves: they have the colours of their clusters, cut out by a picture."""
+def author_crown_leaves_material(
+    stage: Usd.Stage, path: Sdf.Path, crown: CrownMaterial, leaves: CrownLeavesMaterial
+) -> UsdShade.Material:
+    """Define the material of a crown's leaves, cut out by a picture.
+
+    In Storm each leaf has the crown's colour where it is; elsewhere it has that of its cluster.
+    """
     material = UsdShade.Material.Define(stage, path)
     texture = _author_preview_texture(stage, path.AppendChild("LeafMap"), leaves.leaf_map, "sRGB")
     texture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*[leaves.leaf_brightness] * 3, 1))
@@ -84,7 +86,7 @@ def author_crown_leaves_material(stage: Usd.Stage, path: Sdf.Path, leaves: Crown
     color = UsdShade.Shader.Define(stage, path.AppendChild("Color"))
     color.CreateIdAttr("UsdPrimvarReader_float3")
     color.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
-    color.CreateInput("fallback", Sdf.ValueTypeNames.Float3).Set(Gf.Vec3f(*leaves.mean_color))
+    color.CreateInput("fallback", Sdf.ValueTypeNames.Float3).Set(Gf.Vec3f(*crown.mean_color))
     color.CreateOutput("result", Sdf.ValueTypeNames.Float3)
     surface = UsdShade.Shader.Define(stage, path.AppendChild("PreviewSurface"))
     surface.CreateIdAttr("UsdPreviewSurface")
@@ -95,16 +97,24 @@ def author_crown_leaves_material(stage: Usd.Stage, path: Sdf.Path, leaves: Crown
     surface.CreateInput("roughness", number).Set(LEAF_ROUGHNESS)
     surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
-    storm = UsdShade.Shader.Define(stage, path.AppendChild("StormSurface"))
-    storm.SetSourceAsset(Sdf.AssetPath(leaves.shader), "glslfx")
+    colors = _author_preview_texture(stage, path.AppendChild("LeafColorMap"), leaves.color_map, "sRGB")
+    colors.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    radius = _author_map(stage, path.AppendChild("RadiusMap"), crown.radius_map, "r", number)
+    storm = _author_storm_surface(stage, path.AppendChild("StormSurface"), crown, leaves.shader, colors, radius)
     storm.CreateInput("leafMap", Sdf.ValueTypeNames.Float4).ConnectToSource(texture.ConnectableAPI(), "rgba")
+    storm.CreateInput("leaves", number).Set(float(leaves.leaves))
     storm.CreateInput("clusters", number).Set(float(leaves.clusters))
     storm.CreateInput("mostClusters", number).Set(float(leaves.clusters))
     storm.CreateInput("radiusInClusters", number).Set(leaves.radius_in_clusters)
-    storm.CreateInput("meanColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*leaves.mean_color))
-    storm.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     material.CreateSurfaceOutput("glslfx").ConnectToSource(storm.ConnectableAPI(), "surface")
     return material
+
+
+def _author_map(stage: Usd.Stage, path: Sdf.Path, file: str, output: str, kind: Sdf.ValueTypeName) -> UsdShade.Shader:
+    """A texture of linear numbers with one output."""
+    texture = _author_preview_texture(stage, path, file)
+    texture.CreateOutput(output, kind)
+    return texture
 
 
 def _author_preview_texture(stage: Usd.Stage, path: Sdf.Path, file: str, color_space: str = "raw") -> UsdShade.Shader:

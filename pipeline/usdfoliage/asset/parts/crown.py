@@ -12,7 +12,7 @@ from usdfoliage.asset.locate import open_layer
 from usdfoliage.asset.materials.cubemap_exr import read_cubemap
 from usdfoliage.asset.materials.layer import CROWN_MATERIAL, CROWN_RELIEF_MATERIAL
 from usdfoliage.asset.parts.crown_leaves import author_crown_leaves
-from usdfoliage.asset.parts.crown_maps import color_map_path, leaf_map_path, radius_map_path
+from usdfoliage.asset.parts.crown_maps import color_map_path, leaf_color_map_path, leaf_map_path, radius_map_path
 from usdfoliage.asset.plant import CROWN
 from usdfoliage.asset.schema import CROWN_API
 from usdfoliage.asset.stored_numbers import stored_numbers
@@ -40,6 +40,7 @@ class CrownPrim:
     radius_map: str
     color_map: str
     leaf_map: str
+    leaf_color_map: str
     center_m: NDArray[np.float64]  # (3,)
     radius_range_m: tuple[float, float]  # smallest and largest of the map
     relief_weight: float
@@ -59,6 +60,7 @@ def crown_prim(name: str, crown: CrownModel, mesh_size: int | None, leaf: LeafPi
         radius_map=f"../{radius_map_path(name).as_posix()}",
         color_map=f"../{color_map_path(name).as_posix()}",
         leaf_map=f"../{leaf_map_path(name).as_posix()}",
+        leaf_color_map=f"../{leaf_color_map_path(name).as_posix()}",
         center_m=np.asarray(crown.center_m, np.float64),
         radius_range_m=(float(crown.radius_m.min()), float(crown.radius_m.max())),
         relief_weight=crown.relief_weight,

@@ -16,7 +16,6 @@ from usdfoliage.crown.leafy_crown import LeafCluster, LeafyCrown
 CROWN_LEAVES = "CrownLeaves"  # beside the crown
 CLUSTERS = "Prototypes"  # below them, the forms of clusters
 LARGER = 3.0  # times as large as they are, that leaves are drawn at most
-APART = 0.35  # power of that, by which they are farther from the middle of their cluster, as the shader has it
 
 
 def author_crown_leaves(stage: Usd.Stage, holder: Sdf.Path, name: str, leafy: LeafyCrown) -> None:
@@ -126,8 +125,8 @@ def _author_cluster(stage: Usd.Stage, path: Sdf.Path, cluster: LeafCluster) -> N
     mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(cluster.normals.astype(np.float32)))
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     # As they are displaced: larger where few are drawn, and turned to the camera.
-    apart = LARGER**APART * np.linalg.norm(cluster.middle, axis=1).max()
-    reach = float(apart + LARGER * np.linalg.norm(cluster.corner, axis=1).max())
+    away = np.linalg.norm(cluster.middle, axis=1).max() + np.linalg.norm(cluster.corner, axis=1).max()
+    reach = LARGER * float(away)
     mesh.CreateExtentAttr(Vt.Vec3fArray([(-reach, -reach, -reach), (reach, reach, reach)]))
     primvars = UsdGeom.PrimvarsAPI(mesh)
     leaf = np.repeat(np.arange(count), 4)
@@ -135,7 +134,7 @@ def _author_cluster(stage: Usd.Stage, path: Sdf.Path, cluster: LeafCluster) -> N
     for name, kind, array, values, indices in (
         ("st", types.TexCoord2fArray, Vt.Vec2fArray, cluster.st[:4], np.arange(4 * count) % 4),
         ("leafMiddle", types.Float3Array, Vt.Vec3fArray, cluster.middle[::4], leaf),
-        ("leafShade", types.FloatArray, Vt.FloatArray, cluster.shade[::4], leaf),
+        ("leafNumber", types.FloatArray, Vt.FloatArray, (np.arange(count) + 0.5) / count, leaf),
         ("leafCorner", types.Float2Array, Vt.Vec2fArray, cluster.corner, None),
     ):
         primvar = primvars.CreatePrimvar(name, kind, UsdGeom.Tokens.vertex)

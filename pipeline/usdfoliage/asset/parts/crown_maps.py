@@ -1,9 +1,12 @@
-"""The maps of a crown as files of an asset: two cubemaps, and the picture of a leaf."""
+"""The maps of a crown as files of an asset: two cubemaps, the picture of a leaf, and the colours of its leaves."""
 
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from usdfoliage.asset.materials.cubemap_exr import write_color_cubemap, write_radius_cubemap
-from usdfoliage.asset.parts.crown_leaf_picture import write_leaf_picture
+from usdfoliage.asset.parts.crown_leaf_picture import write_leaf_colors, write_leaf_picture
 from usdfoliage.crown.leaf_picture import LeafPicture
 from usdfoliage.crown.model import CrownModel
 
@@ -23,8 +26,15 @@ def leaf_map_path(name: str) -> Path:
     return Path("maps") / f"{name}_crown_leaf.png"
 
 
-def write_crown_maps(folder: Path, name: str, crown: CrownModel, leaf: LeafPicture) -> None:
-    """Write the maps of the asset in folder.
+def leaf_color_map_path(name: str) -> Path:
+    """Where the colours of the crown's leaves are, from the asset's folder."""
+    return Path("maps") / f"{name}_crown_leaf_colors.png"
+
+
+def write_crown_maps(
+    folder: Path, name: str, crown: CrownModel, leaf: LeafPicture, leaf_color: NDArray[np.floating]
+) -> None:
+    """Write the maps of the asset in folder; leaf_color is (N, L, 3), linear, of the leaves of each cluster.
 
     Raises:
         ValueError: The two maps are not of one size, or one of them is no cubemap.
@@ -41,3 +51,4 @@ def write_crown_maps(folder: Path, name: str, crown: CrownModel, leaf: LeafPictu
     write_radius_cubemap(folder / radius_map_path(name), crown.radius_m, facts)
     write_color_cubemap(folder / color_map_path(name), crown.color, facts)
     write_leaf_picture(folder / leaf_map_path(name), leaf)
+    write_leaf_colors(folder / leaf_color_map_path(name), leaf_color)

@@ -53,7 +53,7 @@ def write_crown_part(
     size = None if mesh_size is None else max(min(mesh_size, crown.radius_m.shape[1]), MIN_SIZE)
     leaf = plain_leaf() if leaf is None else leaf
     prim = crown_prim(place.name, crown, size, leaf)
-    write_crown_maps(place.folder, place.name, crown, leaf)
+    write_crown_maps(place.folder, place.name, crown, leaf, prim.leafy.leaf_color)
     copy_shaders(place.folder / "shaders", (CROWN_SHADER, RELIEF_SHADER, LEAVES_SHADER))
     write_crown_layer(place.payload / CROWN_LAYER, place.name, prim)
     material = CrownMaterial(
@@ -70,9 +70,10 @@ def write_crown_part(
         leaf_map=prim.leaf_map,
         leaf_brightness=brightness_of(leaf),
         shader=f"{SHADERS}/{LEAVES_SHADER}",
+        color_map=prim.leaf_color_map,
         clusters=len(prim.leafy.place_m),
+        leaves=prim.leafy.leaf_color.shape[1],
         radius_in_clusters=prim.radius_range_m[1] / float(prim.leafy.radius_m.max()),
-        mean_color=material.mean_color,
     )
     drawn_m = np.concatenate([prim.cage.points_m, prim.hull.points_m, prim.leafy.extent_m])  # in any form
     extent_m = np.stack([drawn_m.min(axis=0), drawn_m.max(axis=0)]).astype(np.float64)
@@ -88,4 +89,4 @@ def write_crown_part(
 def _author_material(stage: Usd.Stage, root: Sdf.Path, crown: CrownMaterial, leaves: CrownLeavesMaterial) -> None:
     author_crown_material(stage, root.AppendPath(CROWN_MATERIAL), crown)
     author_relief_material(stage, root.AppendPath(CROWN_RELIEF_MATERIAL), crown)
-    author_crown_leaves_material(stage, root.AppendPath(CROWN_LEAVES_MATERIAL), leaves)
+    author_crown_leaves_material(stage, root.AppendPath(CROWN_LEAVES_MATERIAL), crown, leaves)
