@@ -26,6 +26,7 @@ _FILL = 0.8  # of the distance between neighbouring places, radius of a cluster
 _INSIDE = 0.75  # of that radius, by which a cluster's middle is inside the crown
 _LEAF = 1.6  # of that radius, half of the length of a plain leaf times the root of how many there are
 _LONGEST = 0.6  # of that radius, half of the length of any leaf
+_TILT = 0.7  # tangent, standard deviation, of how far a leaf leans from looking outwards, on either axis
 _MORE = 4.0  # times as many leaves, where they are slim
 _AROUND = 48  # directions, of whose colours a cluster has the mean
 _SHADE = 0.25  # standard deviation of the logarithm of a leaf's brightness, beyond what the map of colours has
@@ -264,7 +265,7 @@ def _cluster(settings: LeafyCrownSettings, rng: np.random.Generator) -> LeafClus
     """Leaves around a middle, each in a plane that looks outwards and a little to a side."""
     half, leaves = settings.half_length, settings.leaf_count
     middle = spread_in_ball(leaves, rng) * (1 - 0.5 * half)
-    tilt = rng.normal(0, 0.35, (leaves, 2))
+    tilt = rng.normal(0, _TILT, (leaves, 2))
     normal = np.column_stack([tilt, np.ones(leaves)])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     turn = rng.uniform(0, 2 * np.pi, leaves)

@@ -18,7 +18,7 @@ class MeshSizeSettings:
     # Vertices along a cube edge; odd, so that poles are some.
     sizes: tuple[int, ...] = (9, 13, 17, 21, 25, 29, 33, 37, 41, 49, 57)
     finest: int = 129  # what the others are compared with, and what is taken where no surface is good enough
-    min_iou: float = 0.98  # of each silhouette of the surface with that of the finest mesh
+    min_iou: float = 0.99  # of each silhouette of the surface with that of the finest mesh
     min_cage_iou: float = 0.97  # the same of the cage, which is drawn in place of the surface here and there
     views: int = 12
     side_px: int = 600  # of the picture of a silhouette

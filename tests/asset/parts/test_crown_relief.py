@@ -1,5 +1,6 @@
 """The relief of a crown: its layer, its shader, and that Storm draws it as the mesh."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from usdfoliage.capture.folder.images import read_photo
 from usdfoliage.crown.leaf_picture import clean_leaf_picture
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.geometry.cubemap import face_directions, share_borders
+from usdfoliage.geometry.pinhole import look_at
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, draw_views, finish_picture
 
 from tests.support.leaves.drawn import drawn_leaf
@@ -140,11 +142,8 @@ def test_the_picture_of_a_leaf_is_in_the_maps_and_gives_leaves_their_form(leafy,
     assert Path(named.resolvedPath) == written.path
 
 
-@pytest.mark.preview
-@pytest.mark.parametrize("name", ["plain", "slim", "wide"])
-@pytest.mark.parametrize(("clusters", "iou"), [(320, 0.9), (32, 0.8)])
-def test_leaves_have_the_silhouette_and_the_colors_of_the_mesh(leafy, name, tmp_path, clusters, iou):
-    crown, scene = leafy[name], tmp_path / "few.usda"
+def seen_forms(crown: Path, scene: Path, clusters: int):
+    """Silhouettes and pictures of the mesh and of so many clusters of leaves, from the front."""
     scene.write_text(
         f"""#usda 1.0
 (
@@ -170,7 +169,7 @@ over "oak"
     )
     views = [
         PreviewView(
-            output=tmp_path / "none.png",
+            output=scene.with_name("none.png"),
             orthographic=True,
             window=(-2.4, 2.8, 0.0, 5.2),
             variants=(("crown", form),),
@@ -179,10 +178,31 @@ over "oak"
     ]
     drawn = draw_views(scene, views, PreviewSettings(width_px=400, height_px=400, background=None))
     pictures = [finish_picture(each, None) for each in drawn]
-    mesh, leaves = (picture[..., 3] > 127 for picture in pictures)
+    return [picture[..., 3] > 127 for picture in pictures], pictures
+
+
+@pytest.mark.preview
+@pytest.mark.parametrize("name", ["plain", "slim", "wide"])
+@pytest.mark.parametrize(("clusters", "iou"), [(320, 0.9), (32, 0.8)])
+def test_leaves_have_the_silhouette_and_the_colors_of_the_mesh(leafy, name, tmp_path, clusters, iou):
+    (mesh, leaves), pictures = seen_forms(leafy[name], tmp_path / "few.usda", clusters)
     assert (mesh & leaves).sum() / (mesh | leaves).sum() > iou
     color, own = (picture[mesh & leaves][:, :3].mean(axis=0) for picture in pictures)
     assert np.abs(own - color).max() < 12  # of 255: the leaf is red and green, and the crown keeps its colours
+
+
+@pytest.mark.preview
+@pytest.mark.parametrize(("clusters", "iou"), [(320, 0.9), (32, 0.85)])
+def test_leaves_fill_a_crown_of_spikes_and_stay_within_it(tmp_path, clusters, iou):
+    direction = face_directions(48)
+    axes = np.array([[1.0, 0.2, 0.2], [-0.8, 0.6, 0.1], [-0.6, -0.8, 0.2], [0.5, -0.9, -0.1], [0.1, 1, 0.0]])
+    nearest = (direction @ (axes / np.linalg.norm(axes, axis=1, keepdims=True)).T).max(axis=-1)
+    radius_m = 0.5 + 1.5 * np.exp(-10 * (1 - nearest))
+    spiky = replace(bumpy_crown(), radius_m=share_borders(radius_m.astype(np.float32)))
+    (tmp_path / "oak").mkdir()
+    asset = write_crown_asset(tmp_path / "oak", "oak", spiky, PLAIN)
+    mesh, leaves = seen_forms(asset, tmp_path / "few.usda", clusters)[0]
+    assert (mesh & leaves).sum() / (mesh | leaves).sum() > iou
 
 
 @pytest.mark.preview
@@ -203,7 +223,8 @@ def test_leaves_of_a_cluster_point_to_all_sides(tmp_path):
 
 
 @pytest.mark.preview
-def test_instances_of_a_relief_are_drawn_as_those_of_the_mesh(crown, tmp_path):
+@pytest.mark.parametrize("form", ["relief", "leaves"])
+def test_instances_are_drawn_as_those_of_the_mesh(crown, tmp_path, form):
     scene = tmp_path / "scene.usda"
     scene.write_text(
         f"""#usda 1.0
@@ -234,14 +255,17 @@ def Xform "W"
     )
     settings = PreviewSettings(width_px=320, height_px=240, background=None)
     views = [
-        PreviewView(output=tmp_path / "none.png", direction="three-quarter", variants=(("crown", form),))
-        for form in ("mesh", "relief")
+        PreviewView(
+            output=tmp_path / "none.png",
+            pinhole=look_at(np.array([4.0, 5.0, 14.0]), np.array([1.0, 3.0, 2.0]), 320.0, (320, 240)),
+            variants=(("crown", drawn),),
+        )
+        for drawn in ("mesh", form)
     ]
-    mesh, relief = (finish_picture(each, None).astype(float) for each in draw_views(scene, views, settings))
-    seen = [picture[..., 3] > 127 for picture in (mesh, relief)]
+    mesh, other = (finish_picture(each, None).astype(float) for each in draw_views(scene, views, settings))
+    seen = [picture[..., 3] > 127 for picture in (mesh, other)]
     share = (seen[0] & seen[1]).sum() / (seen[0] | seen[1]).sum()
     assert seen[0].sum() > 3000
-    # The bounds of the hulls are wider, so that the camera is farther away: the crowns are of one shape all the same.
-    assert share > 0.8
-    dark = relief[seen[1]][:, :3].sum(axis=1) < 30
+    assert share > {"relief": 0.98, "leaves": 0.9}[form]
+    dark = other[seen[1]][:, :3].sum(axis=1) < 30
     assert dark.mean() < 0.002  # what a driver gives where it knows no instance
