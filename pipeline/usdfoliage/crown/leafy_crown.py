@@ -18,6 +18,8 @@ from usdfoliage.geometry.cubemap import sample_cubemap
 Floats = NDArray[np.float64]
 
 _POOL = 24  # places to choose each from
+_DRAWN = 8  # times as many are drawn in the ball
+_LONG = 1.5  # power of the crown's radius, by which they are kept; 3 is even in the crown
 _SIZES = (1.0, 0.7, 0.5, 0.35)  # of the radius of a cluster, where the crown has room for it and where it is thin
 _ROOM = 0.8  # of its radius, around a cluster's middle, where there must be crown
 _MIN_INSIDE = 0.5  # of the directions from there
@@ -28,7 +30,6 @@ _LEAF = 1.6  # of that radius, half of the length of a plain leaf times the root
 _LONGEST = 0.6  # of that radius, half of the length of any leaf
 _TILT = 0.7  # tangent, standard deviation, of how far a leaf leans from looking outwards, on either axis
 _MORE = 4.0  # times as many leaves, where they are slim
-_AROUND = 48  # directions, of whose colours a cluster has the mean
 _SHADE = 0.25  # standard deviation of the logarithm of a leaf's brightness, beyond what the map of colours has
 _ON_LEAF = 8  # directions, of whose colours a leaf has the mean
 _LEAF_PART = 0.5  # of half its length, standard deviation of how far these are from its middle
@@ -115,31 +116,33 @@ def build_leafy_crown(crown: CrownModel, settings: LeafyCrownSettings = LeafyCro
         settings: How many leaves.
     """
     rng = np.random.default_rng(settings.seed)
-    pool = _ball(_POOL * settings.clusters, rng)
-    share = np.linalg.norm(pool, axis=1)
+    pool = _ball(_DRAWN * _POOL * settings.clusters, rng)
     reach_m = sample_cubemap(crown.radius_m, pool)
+    # Evenly drawn in the ball, long parts of the crown would have few, and evenly in the crown its middle would.
+    weight = reach_m**_LONG
+    even = rng.choice(len(pool), len(pool) // _DRAWN, replace=False, p=weight / weight.sum())
+    pool = pool[even]
+    share = np.linalg.norm(pool, axis=1)
     volume_m3 = 4 * np.pi / 3 * float((reach_m**3).mean())
+    reach_m = reach_m[even]
     direction = pool / share[:, None]
     full_m = _FILL * (volume_m3 / settings.clusters) ** (1 / 3)
     size_m, out_m = _fitted_sizes(crown, direction, share * reach_m, share, full_m)
     chosen = _farthest_first(out_m[:, None] * direction, settings.clusters, size_m)
-    direction, share, reach_m = direction[chosen], share[chosen], reach_m[chosen]
+    direction = direction[chosen]
     out_m, radius_m = out_m[chosen], size_m[chosen]
     place_m = crown.center_m + out_m[:, None] * direction
-    above = np.clip(0.5 + 0.5 * direction[:, 1] * out_m / float(crown.radius_m.max()), 0, 1)
-    aside = (radius_m / reach_m)[:, None] * rng.standard_normal((_AROUND, len(chosen), 3)) / np.sqrt(3)
-    around = sample_cubemap(crown.color, direction + aside)
-    color = around.mean(axis=0) * (1 - _OCCLUSION * (1 - 0.5 * (share + above)))[:, None]
     orientation = _outwards(direction, rng.uniform(0, 2 * np.pi, len(chosen)))
     forms, form = _clusters(settings, rng), np.arange(len(chosen)) % settings.forms
     middles = np.stack([each.middle[::4] for each in forms])[form] * radius_m[:, None, None]
     leaves_m = out_m[:, None, None] * direction[:, None] + _turn(middles, orientation)
+    leaf_color = _leaf_colors(crown, leaves_m, settings.half_length * radius_m, rng)
     return LeafyCrown(
         place_m=place_m,
         orientation=orientation,
         radius_m=radius_m,
-        color=color,
-        leaf_color=_leaf_colors(crown, leaves_m, settings.half_length * radius_m, rng),
+        color=leaf_color.mean(axis=1),
+        leaf_color=leaf_color,
         form=form,
         rank=np.arange(len(chosen)) / len(chosen),
         forms=forms,
@@ -171,7 +174,8 @@ def _leaf_colors(crown: CrownModel, places_m: Floats, half_m: Floats, rng: np.ra
     at_m = np.minimum(away_m, reach_m)
     outside = np.clip((at_m - low_m) / (high_m - low_m), 0, 1) if high_m > low_m else np.ones_like(at_m)
     above = np.clip(0.5 + 0.5 * direction[..., 1] * at_m / high_m, 0, 1)
-    shade = np.exp(_SHADE * rng.standard_normal(away_m.shape) - _SHADE**2 / 2)
+    shade = np.exp(_SHADE * rng.standard_normal(away_m.shape))
+    shade /= shade.mean(axis=1, keepdims=True)
     return color * (shade * (1 - _OCCLUSION * (1 - 0.5 * (outside + above))))[..., None]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage.geometry.crown_cage import FARTHEST, MIN_SIZE, build_crown_cage, crown_limit
-from usdfoliage.geometry.crown_mesh import CrownMesh, build_crown_mesh
+from usdfoliage.geometry.crown_mesh import build_crown_mesh
 from usdfoliage.geometry.picture_agreement import silhouette_iou
 
 
@@ -29,7 +29,7 @@ def choose_mesh_size(radius_m: NDArray[np.floating], settings: MeshSizeSettings 
 
     That is asked of the limit surface, and a little less of the cage, which applications draw that do not subdivide:
     Blender by default, and usdview at low complexity. Where no cage is near enough, the finest of the sizes is taken
-    whose surface is.
+    whose surface is; where none is, the finest, or the nearest of a map that is no finer.
 
     Args:
         radius_m: (6, N, N), metres, positive, borders shared.
@@ -44,20 +44,31 @@ def choose_mesh_size(radius_m: NDArray[np.floating], settings: MeshSizeSettings 
     reach_m = (1 + FARTHEST) * float(np.linalg.norm(exact.points_m, axis=1).max())  # of any cage
     wanted = [draw_silhouette(exact.points_m, exact.face_vertices, turn, reach_m, settings.side_px) for turn in turns]
 
-    def is_kept(points_m: NDArray[np.floating], quads: NDArray[np.int32], min_iou: float) -> bool:
-        return all(
-            silhouette_iou(draw_silhouette(points_m, quads, turn, reach_m, settings.side_px), silhouette) >= min_iou
-            for turn, silhouette in zip(turns, wanted, strict=True)
-        )
-
-    def is_surface_kept(cage: CrownMesh) -> bool:
-        return is_kept(*crown_limit(cage, 1), settings.min_iou)
+    def least_iou(points_m: NDArray[np.floating], quads: NDArray[np.int32], enough: float) -> float:
+        """The least of all silhouettes, or the first that is below what is enough."""
+        least = 1.0
+        for turn, silhouette in zip(turns, wanted, strict=True):
+            drawn = draw_silhouette(points_m, quads, turn, reach_m, settings.side_px)
+            least = min(least, silhouette_iou(drawn, silhouette))
+            if least < enough:
+                break
+        return least
 
     cages = {size: build_crown_cage(radius_m, np.zeros(3), size) for size in settings.sizes if size < finest}
     for size, cage in cages.items():
-        if is_kept(cage.points_m, cage.face_vertices, settings.min_cage_iou) and is_surface_kept(cage):
+        if least_iou(cage.points_m, cage.face_vertices, settings.min_cage_iou) < settings.min_cage_iou:
+            continue
+        if least_iou(*crown_limit(cage, 1), settings.min_iou) >= settings.min_iou:
             return size
-    return next((size for size, cage in reversed(cages.items()) if is_surface_kept(cage)), finest)
+    best, best_iou = finest, -1.0
+    for size, cage in reversed(cages.items()):
+        iou = least_iou(*crown_limit(cage, 1), best_iou)
+        if iou >= settings.min_iou:
+            return size
+        if iou > best_iou:
+            best, best_iou = size, iou
+    # The mesh of a coarse map has edges that the crown has not: the smooth surface that is nearest is as true.
+    return best if finest == radius_m.shape[1] else finest
 
 
 def draw_silhouette(
