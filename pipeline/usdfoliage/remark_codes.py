@@ -1123,6 +1123,13 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="No strokes are given, and the proposed ones have a confidence below 0.5.",
                 action="Look at them in the report. Correct strokes.json in the asset's folder, and give it.",
             ),
+            "leaves-broad": RemarkKind(
+                severity="info",
+                meaning="No species and no leaf is given, and the tree has broad leaves. A photograph does not decide "
+                "their form.",
+                action="Name the species, or give a leaf: a picture of one, or an asset of leaves. A conifer needs one "
+                "or the other.",
+            ),
             "tree-without-leaves": RemarkKind(
                 severity="info",
                 meaning="The photograph shows twigs inside of the crown's stroke, and no leaves.",

@@ -71,6 +71,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
     ),
     "sketch": CommandOptions(
         options={
+            "branches.max_faces": "--most-faces",
             "capture.toml:color_space": "--color-space",
             "foliage.leaf_length_m": "--leaf-length",
             "foliage.max_leaves": "--most-leaves",
@@ -78,7 +79,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "plant.species": "--species",
             "seed": "--seed",
         },
-        arguments={"mask": "--mask", "species_file": "--species-file", "strokes": "--strokes"},
+        arguments={"leaf": "--leaf", "mask": "--mask", "species_file": "--species-file", "strokes": "--strokes"},
     ),
     "forest": CommandOptions(
         options={},

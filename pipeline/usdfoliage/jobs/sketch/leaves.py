@@ -12,9 +12,11 @@ from usdfoliage.branch.foliage.species import GENERIC, Species, load_species
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.geometry.directions import unit_vectors, vectors_across
 from usdfoliage.jobs.branches.foliage import TEMPLATE, FoliageRequest, GrownLeaves, grow_leaves
+from usdfoliage.jobs.leaf_picture import GivenLeaf
 from usdfoliage.leaf.change import join_leaves
 from usdfoliage.leaf.model import LeafOrigin, Leaves
 from usdfoliage.leaf.shape.jitter import spread_phases
+from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.leaf.shape.surface import evaluate_points
 from usdfoliage.sketch.bounds import view_from_the_side
 from usdfoliage.sketch.drawing import SHIFT, fixed_points
@@ -33,6 +35,7 @@ _STEP_PX = 2.0  # between places of a twig that a leaf may stand on
 _LIGHT = np.array([0.0, 0.6, 0.8])  # where blades over gaps turn to: up, and to the viewer who sees them
 _SHORTEST_INTERNODE_M = 1e-4  # that a species may have
 _SCATTER = 0.3  # standard deviation, of that direction
+_SLIMMEST, _WIDEST = 0.02, 1.5  # in its lengths, that a leaf of a species may be
 _OUTLINE_V = (0.0, 0.15, 0.35, 0.55, 0.75, 0.9, 1.0)
 
 
@@ -45,6 +48,7 @@ class SketchLeaves:
     density: float = 1.0  # times as many as the species has and the photograph shows
     max_leaves: int = 20_000
     representations: tuple[str, ...] | None = None  # None: by their number
+    leaf: GivenLeaf | None = None  # whose form and look they have; None: that of the species
     seed: int = 0
 
 
@@ -64,11 +68,18 @@ def grow_sketch_leaves(
         linear: (H, W, 3), likewise, linear Rec.709.
         request: Which leaves.
     """
-    length_m = request.length_m or _length_by_texture(tree, srgb, request)
-    species = scale_species(request.species, length_m)
+    given = request.leaf
+    species = request.species if given is None else replace(request.species, leaf_width=_width_of(given))
+    length_m = request.length_m or _length_by_texture(tree, srgb, species, request.max_leaves)
+    species = scale_species(species, length_m)
     if request.density > 1:
         species = replace(species, internode_m=max(species.internode_m / request.density, _SHORTEST_INTERNODE_M))
-    asked = FoliageRequest(kind=TEMPLATE, species=species, representations=request.representations)
+    asked = FoliageRequest(
+        kind=TEMPLATE,
+        species=species,
+        form=None if given is None else given.parameters,
+        representations=request.representations,
+    )
     asked = replace(asked, settings=replace(asked.settings, max_leaves=request.max_leaves, of_root=OF_ROOT))
     grown = grow_leaves(skeleton, asked, None, request.seed)
     assert grown is not None
@@ -83,7 +94,8 @@ def grow_sketch_leaves(
     if request.density < 1:  # of nodes that are farther apart every short shoot would keep one
         drawn = np.random.default_rng([request.seed, 2]).random(len(leaves))
         leaves = leaves.take(np.flatnonzero(drawn < request.density))
-    return grown, replace(grown.foliage, leaves=leaves)
+    foliage = replace(grown.foliage, leaves=leaves)
+    return grown, foliage if given is None else replace(foliage, appearance=given.appearance, edits=given.edits)
 
 
 def scale_species(species: Species, length_m: float) -> Species:
@@ -97,15 +109,20 @@ def scale_species(species: Species, length_m: float) -> Species:
     )
 
 
-def _length_by_texture(tree: SketchedTree, srgb: NDArray[np.uint8], request: SketchLeaves) -> float:
+def _width_of(leaf: GivenLeaf) -> float:
+    """Of a leaf, in its lengths, as a species may have it."""
+    return float(np.clip(leaf_width(leaf.parameters[None])[0], _SLIMMEST, _WIDEST))
+
+
+def _length_by_texture(tree: SketchedTree, srgb: NDArray[np.uint8], species: Species, max_leaves: int) -> float:
     """Metres, by the texture of the photograph; that of the species where it shows too little."""
     size_px = crown_size(tree.bounds)
     length_px = measure_leaf_length(srgb, tree.foliage.mask, size_px)
     if length_px is None:
-        return request.species.leaf_length_m
+        return species.leaf_length_m
     area_px = float(tree.foliage.mask.sum())
     # So many leaves cannot cover it if they are smaller.
-    covering_px = np.sqrt(_LAYERS * area_px / (0.6 * request.species.leaf_width * request.max_leaves))
+    covering_px = np.sqrt(_LAYERS * area_px / (0.6 * species.leaf_width * max_leaves))
     return max(length_px, float(covering_px)) * float(np.linalg.norm(tree.asset_from_photo[:3, 0]))
 
 

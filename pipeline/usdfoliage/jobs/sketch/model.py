@@ -18,8 +18,9 @@ from usdfoliage.errors import FitError
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
 from usdfoliage.jobs.branches.foliage import GrownLeaves
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_near_leaves, rig_branches, rig_near_leaves
-from usdfoliage.jobs.branches.surfaces import build_surfaces
+from usdfoliage.jobs.branches.surfaces import MIN_MAX_FACES, build_surfaces
 from usdfoliage.jobs.crown.photograph import CrownSettings, reconstruct_crown
+from usdfoliage.jobs.leaf_picture import GivenLeaf
 from usdfoliage.jobs.sketch.leaves import SketchLeaves, grow_sketch_leaves
 from usdfoliage.progress import StepProgress, follow_step
 from usdfoliage.remarks import Remark, remark
@@ -47,6 +48,7 @@ class SketchModelSettings:
 
     tree: SketchSettings = field(default_factory=SketchSettings)
     species: Species = field(default_factory=lambda: load_species(GENERIC))
+    leaf: GivenLeaf | None = None  # whose form and look the leaves have; None: that of the species
     leaf_length_m: float | None = None  # None: by the texture of the photograph
     density: float = 1.0  # times as many leaves as the species has
     max_leaves: int = 20_000
@@ -61,6 +63,8 @@ class SketchModelSettings:
         if length_m is not None and not (math.isfinite(length_m) and 0 < length_m <= MAX_LEAF_LENGTH_M):
             limit = f"{MAX_LEAF_LENGTH_M:g}"
             raise ValueError(f"the leaf length must be above 0 and at most {limit} metres, not {length_m:g}")
+        if self.max_faces < MIN_MAX_FACES:
+            raise ValueError(f"max_faces must be at least {MIN_MAX_FACES}, not {self.max_faces}")
         if not MIN_DENSITY <= self.density <= MAX_DENSITY:
             raise ValueError(f"density must be {MIN_DENSITY:g} to {MAX_DENSITY:g}, not {self.density:g}")
 
@@ -197,6 +201,7 @@ def model_tree(
                 density=settings.density,
                 max_leaves=settings.max_leaves,
                 representations=settings.representations,
+                leaf=settings.leaf,
                 seed=settings.tree.seed,
             )
             leaves, foliage = grow_sketch_leaves(tree, branches.skeleton.skeleton, srgb, linear, request)
