@@ -78,6 +78,7 @@ COMMANDS: Mapping[str, CommandOptions] = {
             "plant.representations": "--representation",
             "plant.species": "--species",
             "seed": "--seed",
+            "sketch.leaves": "--leaves",
         },
         arguments={"leaf": "--leaf", "mask": "--mask", "species_file": "--species-file", "strokes": "--strokes"},
     ),

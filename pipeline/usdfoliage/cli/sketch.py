@@ -122,9 +122,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--leaf",
         metavar="FILE|ASSET",
         type=Path,
-        help="Leaves have the form and the pattern of this one, in the photograph's colours: a picture of one leaf, its "
-        "base below, transparent beside it, or an asset with leaves, of which the average leaf is taken. The default "
-        "is a leaf of the species.",
+        help="Leaves have the form and the pattern of this one, in the photograph's colours: a picture of one leaf, "
+        "its base below, transparent beside it, or an asset with leaves, of which the average leaf is taken. The "
+        "default is a leaf of the species.",
     )
     leaves.add_argument(
         "--density",

@@ -1,4 +1,4 @@
-"""A leaf that was given: a file, or the average leaf of leaves that were found; its picture, its form and its texture."""
+"""A leaf that was given, a file or the average leaf of leaves that were found: its picture, its form, its texture."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path

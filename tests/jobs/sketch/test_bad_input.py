@@ -189,3 +189,27 @@ def test_a_grey_picture_is_a_tree_too(tmp_path):
     cv2.imwrite(str(photo), grey)
     words = ["--no-preview", "--most-leaves", "300", "--no-crown"]
     assert run("sketch", photo, "-o", photo.parent / "out", *words) == 0
+
+
+def test_a_crown_over_a_road_is_no_tree(files, capsys):
+    photo, _ = files
+    rng = np.random.default_rng(0)
+    cv2.imwrite(str(photo), np.clip(rng.normal((110, 112, 113), 4, (400, 300, 3)), 0, 255).astype(np.uint8))
+    line = complaint(capsys, photo)
+    assert "holds no foliage" in line
+    assert "--leaves on" in line
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bark_from_near_is_no_tree_though_parts_of_it_are_grey_as_a_sky(files, capsys, seed):
+    photo, strokes = files
+    strokes.unlink()
+    rng = np.random.default_rng(seed)
+    furrows = cv2.resize(rng.uniform(0.35, 1.3, (14, 40)), (300, 400), interpolation=cv2.INTER_LINEAR)
+    bark = np.array([70, 95, 120]) * furrows[..., None]
+    bark[:, :90] = (178, 176, 174)
+    for _ in range(8):
+        cv2.circle(bark, tuple(map(int, rng.uniform(0, 300, 2))), int(rng.integers(10, 40)), (176, 175, 172), -1)
+    cv2.imwrite(str(photo), np.clip(bark + rng.normal(0, 6, bark.shape), 0, 255).astype(np.uint8))
+    line = complaint(capsys, photo)
+    assert "shows no tree" in line or "no crown was found" in line

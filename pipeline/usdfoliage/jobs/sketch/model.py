@@ -170,13 +170,19 @@ def model_tree(
             scaled = replace(settings.tree, metres_per_px=settings.tree.metres_per_px / shrunk)
             settings = replace(settings, tree=scaled)
     srgb = to_display(linear)
+    # Who asks for leaves has seen them.
+    of_tree = replace(settings.tree, doubt_leaves=settings.tree.doubt_leaves and settings.has_leaves is not True)
     with follow_step("tree", seconds, progress) as advance:
         tree = sketch_tree(
-            srgb, strokes, settings.species, settings.tree, report=advance, watch=watch, leaf_pixels=leaf_pixels
+            srgb, strokes, settings.species, of_tree, report=advance, watch=watch, leaf_pixels=leaf_pixels
         )
     with follow_step("surface", seconds, progress):
         made = build_surfaces(tree.skeleton, settings.max_faces)
     remarks = list(made.remarks)
+    if tree.evidence.is_little:
+        text = f"what was taken for leaves has little of foliage ({tree.evidence})"
+        remedy = "look at the leaves in the report, and draw the stroke around the tree if they are none"
+        remarks.append(remark("foliage-improbable", text, remedy=remedy))
     bark = _bark_color(srgb, strokes, tree)
     branches = PlantBranches(
         skeleton=SkeletonPrim(

@@ -4,6 +4,7 @@ from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,7 +47,8 @@ from usdfoliage.remarks import (
     remark,
 )
 from usdfoliage.sketch.choices import SketchChoices
-from usdfoliage.sketch.foliage import find_sky
+from usdfoliage.sketch.foliage import find_sky, share_around
+from usdfoliage.sketch.foliage_evidence import measure_evidence
 from usdfoliage.sketch.proposal import complete_proposal, propose_strokes
 from usdfoliage.sketch.strokes import (
     OUTSIDE,
@@ -63,6 +65,7 @@ from usdfoliage.sketch.strokes import (
 STEPS = ("tree", "surface", "leaves", "motion", "crown", "asset", "preview")
 _CLEAR = 0.6  # confidence of a proposed mask, from which on only its top is completed before the sky
 _UNCERTAIN = 0.5  # confidence, below which a proposal is to be looked at
+_SMALL = 0.05  # of the picture: the smallest crown of those photographs covers .16
 _SOME_SKY = 0.03  # of the picture: of 34 photographs of whole trees the barest of sky shows .09
 STROKES = "strokes.json"  # in the asset's folder
 _MIN_SPREAD = 4  # of 255, from the darkest to the brightest pixels
@@ -193,7 +196,30 @@ def propose_tree(photo: Photo, srgb: NDArray[np.uint8], seed: int) -> tuple[Mask
             f"draw strokes around its crown and along its stem, as {strokes_beside(photo.path).name}",
         )
     mask = complete_proposal(proposal.mask, srgb, sky, only_top=proposal.confidence >= _CLEAR)
+    if proposal.confidence < _CLEAR:
+        _require_foliage(proposal, mask, srgb, sky, photo.path)
     return proposal, propose_strokes(mask, srgb)
+
+
+def _require_foliage(
+    proposal: MaskProposal, mask: NDArray[np.bool_], srgb: NDArray[np.uint8], sky: NDArray[np.bool_], photo: Path
+) -> None:
+    """CaptureError for a crown (H, W) that nothing but its colour proposes, as one of bark or of a wall."""
+    small = cv2.resize(mask.astype(np.uint8), sky.shape[::-1], interpolation=cv2.INTER_AREA) > 0
+    evidence = measure_evidence(srgb, mask, share_around(small, sky))
+    share = float(mask.mean())
+    if evidence.is_ruled:
+        why = f"the likeliest crown has edges along two directions, as bark and walls have ({evidence})"
+    elif proposal.confidence < _UNCERTAIN and not evidence.has_sky:
+        why = f"no sky is beside the likeliest crown, whose confidence is {proposal.confidence:.2f}"
+    elif proposal.confidence < _UNCERTAIN and share < _SMALL:
+        why = f"the likeliest crown covers {100 * share:.1f} % of it, {100 * _SMALL:g} % are needed"
+    else:
+        return
+    raise CaptureError(
+        f"{photo} shows no tree clearly: {why}",
+        f"draw strokes around its crown and along its stem, as {strokes_beside(photo).name}",
+    )
 
 
 def _settings_of(request: SketchRequest, of_strokes: SketchChoices) -> SketchModelSettings:
