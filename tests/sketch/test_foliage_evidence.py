@@ -13,37 +13,13 @@ from usdfoliage.sketch.reconstruct import SketchSettings, sketch_tree
 from usdfoliage.sketch.strokes import TreeStrokes
 
 from tests.support.photographs.drawn_trees import draw_bare, draw_leafy
+from tests.support.photographs.no_trees import bricks, noisy, road
 
 ANGLE = np.linspace(0, 2 * np.pi, 40, endpoint=False)
 OVER = TreeStrokes(
     crown_px=np.column_stack([150 + 90 * np.cos(ANGLE), 170 + 90 * np.sin(ANGLE)]),
     branches_px=(np.array([[150.0, 380], [150, 180]]),),
 )
-
-
-def noisy(picture: np.ndarray, sigma: float, seed: int = 0) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    return np.clip(picture + rng.normal(0, sigma, picture.shape), 0, 255).astype(np.uint8)
-
-
-def road() -> np.ndarray:
-    """Grey stone with coarse and fine grain, and a darker place where it was mended."""
-    rng = np.random.default_rng(1)
-    grain = cv2.resize(rng.normal(0, 6, (40, 30)), (300, 400), interpolation=cv2.INTER_CUBIC)
-    picture = np.full((400, 300, 3), (118, 117, 112), float) + grain[..., None]
-    mended = cv2.GaussianBlur(cv2.circle(np.zeros((400, 300)), (150, 170), 75, 1, -1), (0, 0), 3)
-    picture -= 30 * mended[..., None]
-    picture[:50] = (150, 190, 240)  # without which the road is as smooth as a sky
-    return noisy(picture, 3)
-
-
-def bricks() -> np.ndarray:
-    picture = np.full((400, 300, 3), (165, 85, 62), float)
-    for row, y in enumerate(range(0, 400, 16)):
-        picture[y : y + 3] = (200, 195, 185)
-        for x in range(row % 2 * 18, 300, 36):
-            picture[y : y + 16, x : x + 3] = (200, 195, 185)
-    return noisy(picture, 8)
 
 
 def tree(color: tuple[int, int, int], behind: tuple[int, int, int] = (190, 210, 240)) -> np.ndarray:
@@ -81,11 +57,11 @@ def test_a_stroke_over_what_has_no_foliage_is_refused(picture):
     ids=["green", "orange", "red", "blossom", "grey", "green on green", "grey on grey", "dark"],
 )
 def test_trees_of_all_colours_are_foliage(picture):
-    for shown in (picture, cv2.cvtColor(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), cv2.COLOR_GRAY2RGB)):
-        found = find_foliage(shown, OVER.crown_px, 0, branches_px=OVER.branches_px)
+    for photo in (picture, cv2.cvtColor(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), cv2.COLOR_GRAY2RGB)):
+        found = find_foliage(photo, OVER.crown_px, 0, branches_px=OVER.branches_px)
         if not found.mask.any():
             continue  # as bright as what is behind it: a crown without leaves, which is another error
-        evidence = measure_evidence(shown, found.mask, found.before_sky, is_thin=found.is_thin)
+        evidence = measure_evidence(photo, found.mask, found.before_sky, is_thin=found.is_thin)
         assert not evidence.is_none, evidence
         assert not evidence.is_little, evidence
 
@@ -93,9 +69,9 @@ def test_trees_of_all_colours_are_foliage(picture):
 @pytest.mark.parametrize("drawn", [draw_bare(), draw_leafy(), draw_leafy(120, 160)], ids=["bare", "leafy", "small"])
 @pytest.mark.parametrize("grey", [False, True])
 def test_drawn_trees_are_foliage(drawn, grey):
-    shown = cv2.cvtColor(cv2.cvtColor(drawn.srgb, cv2.COLOR_RGB2GRAY), cv2.COLOR_GRAY2RGB) if grey else drawn.srgb
-    found = find_foliage(shown, drawn.strokes.crown_px, 0, branches_px=drawn.strokes.branches_px)
-    evidence = measure_evidence(shown, found.mask, found.before_sky, is_thin=found.is_thin)
+    photo = cv2.cvtColor(cv2.cvtColor(drawn.srgb, cv2.COLOR_RGB2GRAY), cv2.COLOR_GRAY2RGB) if grey else drawn.srgb
+    found = find_foliage(photo, drawn.strokes.crown_px, 0, branches_px=drawn.strokes.branches_px)
+    evidence = measure_evidence(photo, found.mask, found.before_sky, is_thin=found.is_thin)
     assert not evidence.is_little, evidence
 
 

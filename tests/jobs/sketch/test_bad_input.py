@@ -14,6 +14,7 @@ from usdfoliage.sketch.strokes import MAX_BYTES
 
 from tests.support.leaves.commands import refused, run
 from tests.support.photographs.drawn_trees import draw_leafy, write_photograph
+from tests.support.photographs.no_trees import road
 
 RING = [[150 + 110 * np.cos(a), 150 + 110 * np.sin(a)] for a in np.linspace(0, 2 * np.pi, 40, endpoint=False)]
 EIGHT = [[150 + 100 * np.sin(a), 150 + 90 * np.sin(2 * a)] for a in np.linspace(0, 2 * np.pi, 60, endpoint=False)]
@@ -193,8 +194,7 @@ def test_a_grey_picture_is_a_tree_too(tmp_path):
 
 def test_a_crown_over_a_road_is_no_tree(files, capsys):
     photo, _ = files
-    rng = np.random.default_rng(0)
-    cv2.imwrite(str(photo), np.clip(rng.normal((110, 112, 113), 4, (400, 300, 3)), 0, 255).astype(np.uint8))
+    cv2.imwrite(str(photo), road()[..., ::-1])
     line = complaint(capsys, photo)
     assert "holds no foliage" in line
     assert "--leaves on" in line

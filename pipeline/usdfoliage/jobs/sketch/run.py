@@ -207,7 +207,7 @@ def _require_foliage(
     """CaptureError for a crown (H, W) that nothing but its colour proposes, as one of bark or of a wall."""
     small = cv2.resize(mask.astype(np.uint8), sky.shape[::-1], interpolation=cv2.INTER_AREA) > 0
     evidence = measure_evidence(srgb, mask, share_around(small, sky))
-    share = float(mask.mean())
+    share = float(proposal.mask.mean())
     if evidence.is_ruled:
         why = f"the likeliest crown has edges along two directions, as bark and walls have ({evidence})"
     elif proposal.confidence < _UNCERTAIN and not evidence.has_sky:
