@@ -86,7 +86,7 @@ def test_a_bare_tree_before_a_wall_is_one():
 
 
 def test_who_asks_for_leaves_gets_them():
-    settings = replace(SketchSettings(), doubt_leaves=False)
+    settings = replace(SketchSettings(), require_foliage=False)
     assert sketch_tree(road(), OVER, load_species(GENERIC), settings).evidence.is_little
 
 

@@ -36,7 +36,7 @@ class SketchSettings:
     metres_per_px: float | None = None  # in place of the height
     depth: float = 1.0  # times as deep as the silhouette has it
     seed: int = 0
-    doubt_leaves: bool = True  # refuse what is foliage by no measure
+    require_foliage: bool = True  # refuse what is foliage by no measure
     foliage: FoliageCutSettings = field(default_factory=FoliageCutSettings)
     trace: TraceSettings = field(default_factory=TraceSettings)
     turning: TurningSettings = field(default_factory=TurningSettings)
@@ -96,7 +96,7 @@ def sketch_tree(
     foliage = leaf_pixels or foliage_of_strokes(srgb, strokes, seeds[0], settings.foliage)
     bounds = bound_crown(foliage.mask, settings.depth, foliage.inside if foliage.is_bare else None)
     evidence = measure_evidence(srgb, foliage.mask, foliage.before_sky, is_thin=foliage.is_thin)
-    if settings.doubt_leaves and evidence.is_none:
+    if settings.require_foliage and evidence.is_none:
         raise FitError(
             f"the crown's stroke holds no foliage: what is in it is like a wall, a road or water ({evidence})",
             (

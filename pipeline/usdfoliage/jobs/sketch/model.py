@@ -171,7 +171,7 @@ def model_tree(
             settings = replace(settings, tree=scaled)
     srgb = to_display(linear)
     # Who asks for leaves has seen them.
-    of_tree = replace(settings.tree, doubt_leaves=settings.tree.doubt_leaves and settings.has_leaves is not True)
+    of_tree = replace(settings.tree, require_foliage=settings.tree.require_foliage and settings.has_leaves is not True)
     with follow_step("tree", seconds, progress) as advance:
         tree = sketch_tree(
             srgb, strokes, settings.species, of_tree, report=advance, watch=watch, leaf_pixels=leaf_pixels

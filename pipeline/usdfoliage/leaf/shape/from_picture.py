@@ -98,15 +98,15 @@ def _fit_silhouette(x: Floats, v: Floats) -> Floats:
 
 def _raise_from_plane(silhouette: Floats) -> Floats:
     """(7, 3) the leaf of a silhouette (3, 2), arched and folded up as default_leaf, and not over itself."""
-    usual = default_leaf()
+    default = default_leaf()
     start = np.column_stack([_START_V, silhouette[:, 1]])
     for halvings in range(_BACK + 1):
         points = start + (silhouette - start) * 0.5**halvings
-        leaf = usual.copy()
+        leaf = default.copy()
         leaf[0, :2], leaf[1, :2] = (0, 1 / 3), (0, 2 / 3)  # along it places are even, as in the picture
-        slope = points[:, 1] / usual[2:5, 1]
-        leaf[2:5] = np.column_stack([points, slope * usual[2:5, 2]])
-        leaf[5:] = usual[5:] * slope
+        slope = points[:, 1] / default[2:5, 1]
+        leaf[2:5] = np.column_stack([points, slope * default[2:5, 2]])
+        leaf[5:] = default[5:] * slope
         if not find_folds(leaf[None])[0]:
             break
     return leaf
