@@ -193,7 +193,10 @@ def test_a_grey_picture_is_a_tree_too(tmp_path):
 
 
 def test_a_crown_over_a_road_is_no_tree(files, capsys):
-    photo, _ = files
+    photo, strokes = files
+    content = json.loads(strokes.read_text())
+    content["crown"] = [[150 + (x - 150) * 0.8, 170 + (y - 150) * 0.8] for x, y in RING]
+    strokes.write_text(json.dumps(content))
     cv2.imwrite(str(photo), road()[..., ::-1])
     line = complaint(capsys, photo)
     assert "holds no foliage" in line
