@@ -35,6 +35,7 @@ class GivenLeaf:
             there is none.
         texels: (h, w, 4), the texture of a leaf that a picture shows: linear, with opacity, over the leaf's st.
         edits: Of the leaf's asset, what no parameter can carry.
+        cover: Share of the leaf's area that its texture shows.
     """
 
     picture: LeafPicture
@@ -42,6 +43,7 @@ class GivenLeaf:
     appearance: LeafAppearance
     texels: NDArray[np.float32] | None = None
     edits: LeafEdits = NEUTRAL
+    cover: float = 1.0
 
 
 def read_given_leaf(source: Path, output: Path) -> GivenLeaf:
@@ -68,6 +70,7 @@ def read_given_leaf(source: Path, output: Path) -> GivenLeaf:
         parameters=leaf.parameters,
         appearance=LeafAppearance(texture_color=_mean_color(texels)),
         texels=texels,
+        cover=leaf.cover,
     )
 
 

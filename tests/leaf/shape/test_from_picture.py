@@ -47,6 +47,7 @@ def test_a_plain_leaf_has_its_width_and_its_texture(width):
     leaf = leaf_from_picture(rgba)
     assert leaf_width(leaf.parameters[None])[0] == pytest.approx(width, rel=0.15)
     assert overlap(leaf, rgba) > 0.9
+    assert leaf.cover > 0.8
     assert not find_folds(leaf.parameters[None])[0]
     rows, columns = leaf.texture.shape[:2]
     inside = leaf.texture[..., 3] > 0.5
@@ -61,6 +62,8 @@ def test_a_lobed_leaf_is_cut_out_by_its_texture():
     assert overlap(leaf, rgba) > 0.85
     assert not find_folds(leaf.parameters[None])[0]
     assert (leaf.texture[..., 3] < 0.5).mean() > 0.2  # between its lobes
+    drawn = draw_leaf_picture(leaf.parameters, np.ones((2, 2, 4), np.float32), HEIGHT_PX)[..., 3]
+    assert leaf.cover == pytest.approx((rgba[..., 3] > 0.5).sum() / (drawn > 0.5).sum(), abs=0.1)
 
 
 def test_a_leaf_that_leans_in_its_picture_stands_upright():

@@ -15,6 +15,7 @@ from usdfoliage.jobs.branches.foliage import TEMPLATE, FoliageRequest, GrownLeav
 from usdfoliage.jobs.leaf_picture import GivenLeaf
 from usdfoliage.leaf.change import join_leaves
 from usdfoliage.leaf.model import LeafOrigin, Leaves
+from usdfoliage.leaf.shape.edits import slim_leaves
 from usdfoliage.leaf.shape.jitter import spread_phases
 from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.leaf.shape.surface import evaluate_points
@@ -70,7 +71,8 @@ def grow_sketch_leaves(
     """
     given = request.leaf
     species = request.species if given is None else replace(request.species, leaf_width=_width_of(given))
-    length_m = request.length_m or _length_by_texture(tree, srgb, species, request.max_leaves)
+    cover = 1.0 if given is None else given.cover
+    length_m = request.length_m or _length_by_texture(tree, srgb, species, cover * request.max_leaves)
     species = scale_species(species, length_m)
     if request.density > 1:
         species = replace(species, internode_m=max(species.internode_m / request.density, _SHORTEST_INTERNODE_M))
@@ -86,7 +88,7 @@ def grow_sketch_leaves(
     rng = np.random.default_rng([request.seed, 1])
     leaves = _choose_leaves(grown.foliage.leaves, tree, linear, rng)
     for view_of in (_front_view, _side_view):
-        view = view_of(tree, leaves)
+        view = view_of(tree, leaves, cover)
         filled = _fill_leaves(leaves, grown.foliage.leaves, skeleton, species, view, request.max_leaves, rng)
         if len(filled):
             leaves = join_leaves([leaves, _choose_leaves(filled, tree, linear, rng)])
@@ -114,7 +116,7 @@ def _width_of(leaf: GivenLeaf) -> float:
     return float(np.clip(leaf_width(leaf.parameters[None])[0], _SLIMMEST, _WIDEST))
 
 
-def _length_by_texture(tree: SketchedTree, srgb: NDArray[np.uint8], species: Species, max_leaves: int) -> float:
+def _length_by_texture(tree: SketchedTree, srgb: NDArray[np.uint8], species: Species, max_leaves: float) -> float:
     """Metres, by the texture of the photograph; that of the species where it shows too little."""
     size_px = crown_size(tree.bounds)
     length_px = measure_leaf_length(srgb, tree.foliage.mask, size_px)
@@ -151,23 +153,25 @@ class _View:
     mask: Mask  # (H, W), where leaves are to be seen
     allowed: Mask  # (H, W), that with its narrow gaps
     enough: float = LeafFillSettings().enough  # share that may stay open
+    cover: float = 1.0  # share of a leaf within its silhouette, that its texture shows
 
 
-def _front_view(tree: SketchedTree, _leaves: Leaves) -> _View:
+def _front_view(tree: SketchedTree, _leaves: Leaves, cover: float) -> _View:
     """The photograph's own."""
-    return _View(from_asset=_picture_from_asset(tree), mask=tree.foliage.mask, allowed=tree.bounds.leaves)
+    return _View(from_asset=_picture_from_asset(tree), mask=tree.foliage.mask, allowed=tree.bounds.leaves, cover=cover)
 
 
-def _side_view(tree: SketchedTree, leaves: Leaves) -> _View:
+def _side_view(tree: SketchedTree, leaves: Leaves, cover: float) -> _View:
     """From the side, where the crown is as dense as from the front, whose gaps the photograph shows."""
     inside = tree.bounds.inside
-    covered = (_covered(leaves, _front_view(tree, leaves)) & inside).sum() / max(inside.sum(), 1)
+    covered = (_covered(leaves, _front_view(tree, leaves, cover)) & inside).sum() / max(inside.sum(), 1)
     side = view_from_the_side(tree.bounds)
     return _View(
         from_asset=side.from_picture @ _picture_from_asset(tree),
         mask=side.inside,
         allowed=side.inside,
         enough=float(1 - covered),
+        cover=cover,
     )
 
 
@@ -190,7 +194,7 @@ def _fill_leaves(
         view.allowed,
         _places_on_twigs(skeleton, species, view.from_asset),
         species.leaf_length_m * scale,
-        species.leaf_width,
+        species.leaf_width * view.cover,
         max_leaves - len(leaves),
         rng,
         LeafFillSettings(enough=view.enough),
@@ -232,6 +236,9 @@ def _covered(leaves: Leaves, view: _View) -> Mask:
     drawn = np.zeros(view.mask.shape, np.uint8)
     if not len(leaves):
         return drawn > 0
+    if view.cover < 1:  # as much narrower as its texture leaves out of it
+        slim = slim_leaves(leaves.parameters, np.full(len(leaves), view.cover))
+        leaves = replace(leaves, parameters=slim)
     around = [(1.0, v) for v in _OUTLINE_V] + [(-1.0, v) for v in _OUTLINE_V[-2:0:-1]]
     points = evaluate_points(leaves.parameters, np.array(around), placements=leaves.asset_from_leaf())
     flat = (points @ view.from_asset[:3, :3].T + view.from_asset[:3, 3])[..., :2] * [1, -1]

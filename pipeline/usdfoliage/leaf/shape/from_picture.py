@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from usdfoliage.leaf.shape.fold import find_folds
+from usdfoliage.leaf.shape.measures import leaf_area
 from usdfoliage.leaf.shape.surface import evaluate_points, grid_places
 from usdfoliage.leaf.shape.variation import default_leaf
 
@@ -27,6 +28,7 @@ _START_V = (0.15, 0.5, 0.85)
 _BACK = 8  # halvings of the way from those places, on which a silhouette that folds is taken back
 _TEXELS = 512  # along the leaf, at most
 _FEWEST = 16
+_SPARSEST = 0.05  # cover of a leaf
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,10 +38,12 @@ class PicturedLeaf:
     Attributes:
         parameters: (7, 3), leaf lengths; arched and folded up as default_leaf.
         texture: (h, w, 4), the picture's colours and opacity over st = ((u + 1) / 2, v); the first row is at the apex.
+        cover: Share of the leaf's area that is opaque; what is between lobes is not.
     """
 
     parameters: Floats
     texture: NDArray[np.float32]
+    cover: float
 
 
 def leaf_from_picture(rgba: NDArray[np.floating]) -> PicturedLeaf:
@@ -61,7 +65,13 @@ def leaf_from_picture(rgba: NDArray[np.floating]) -> PicturedLeaf:
     x, v = np.linalg.solve(picture_from_leaf[:, :2], places.T)
     silhouette = _fit_silhouette(x, v)
     parameters = _raise_from_plane(silhouette)
-    return PicturedLeaf(parameters=parameters, texture=_unwrap(rgba, parameters, picture_from_leaf))
+    length_px = float(np.linalg.norm(picture_from_leaf[:, 1]))
+    cover = len(row) / (length_px**2 * float(leaf_area(parameters[None])[0]))
+    return PicturedLeaf(
+        parameters=parameters,
+        texture=_unwrap(rgba, parameters, picture_from_leaf),
+        cover=float(np.clip(cover, _SPARSEST, 1)),
+    )
 
 
 def _find_frame(row: NDArray[np.intp], column: NDArray[np.intp]) -> Floats:
