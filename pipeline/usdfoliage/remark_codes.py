@@ -1123,6 +1123,19 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="No strokes are given, and the proposed ones have a confidence below 0.5.",
                 action="Look at them in the report. Correct strokes.json in the asset's folder, and give it.",
             ),
+            "foliage-improbable": RemarkKind(
+                severity="warning",
+                meaning="What was taken for leaves has little contrast from leaf to leaf and no colour of leaves, or "
+                "edges along two directions, as a wall has.",
+                action="Look at the leaves in the report. If they are none, draw the stroke around the tree.",
+            ),
+            "leaves-broad": RemarkKind(
+                severity="info",
+                meaning="No species and no leaf is given, and the tree has broad leaves. A photograph does not decide "
+                "their form.",
+                action="Name the species, or give a leaf: a picture of one, or an asset of leaves. A conifer needs one "
+                "or the other.",
+            ),
             "tree-without-leaves": RemarkKind(
                 severity="info",
                 meaning="The photograph shows twigs inside of the crown's stroke, and no leaves.",

@@ -105,8 +105,8 @@ def main() -> int:
                         cv2.imwrite(str(file), silhouettes(mesh, other)[..., ::-1])
             if options.sheet:
                 photo = [fitted(options.photos[number], options.size)] if options.photos else []
-                views_shown = [view for view in ON_SHEET if view < options.views]
-                row = [over_grey(drawn[name][view]) for view in views_shown for name in drawn]
+                drawn_views = [view for view in ON_SHEET if view < options.views]
+                row = [over_grey(drawn[name][view]) for view in drawn_views for name in drawn]
                 rows.append(np.hstack([*photo, *row]))
     if options.sheet:
         width = max(row.shape[1] for row in rows)

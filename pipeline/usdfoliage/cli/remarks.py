@@ -71,14 +71,16 @@ COMMANDS: Mapping[str, CommandOptions] = {
     ),
     "sketch": CommandOptions(
         options={
+            "branches.max_faces": "--most-faces",
             "capture.toml:color_space": "--color-space",
             "foliage.leaf_length_m": "--leaf-length",
             "foliage.max_leaves": "--most-leaves",
             "plant.representations": "--representation",
             "plant.species": "--species",
             "seed": "--seed",
+            "sketch.leaves": "--leaves",
         },
-        arguments={"mask": "--mask", "species_file": "--species-file", "strokes": "--strokes"},
+        arguments={"leaf": "--leaf", "mask": "--mask", "species_file": "--species-file", "strokes": "--strokes"},
     ),
     "forest": CommandOptions(
         options={},

@@ -28,6 +28,7 @@ from usdfoliage.files.write_gate import Access
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from usdfoliage.branch.foliage.species import GENERIC
+    from usdfoliage.jobs.branches.surfaces import MIN_MAX_FACES
     from usdfoliage.jobs.sketch.model import MAX_DENSITY, MIN_DENSITY, SketchModelSettings
     from usdfoliage.sketch.growth import SketchGrowthSettings
     from usdfoliage.sketch.reconstruct import SketchSettings
@@ -101,12 +102,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     tree.add_argument(
         "--species-file", metavar="FILE", type=Path, help="This TOML file has species that change the library's."
     )
+    tree.add_argument(
+        "--most-faces",
+        dest="max_faces",
+        metavar="N",
+        type=int,
+        default=SketchModelSettings.max_faces,
+        help=f"The surface of the branches has at most this many faces, {MIN_MAX_FACES} or more; the default is "
+        "%(default)s.",
+    )
     leaves = parser.add_argument_group("leaves")
     leaves.add_argument(
         "--leaves",
         choices=("auto", "on", "off"),
         default="auto",
         help="on gives the tree leaves, off none, auto where the photograph shows them. The default is %(default)s.",
+    )
+    leaves.add_argument(
+        "--leaf",
+        metavar="FILE|ASSET",
+        type=Path,
+        help="Leaves have the form and the pattern of this one, in the photograph's colours: a picture of one leaf, "
+        "its base below, transparent beside it, or an asset with leaves, of which the average leaf is taken. The "
+        "default is a leaf of the species.",
     )
     leaves.add_argument(
         "--density",
@@ -140,7 +158,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def declare(options: argparse.Namespace) -> Access:
     photo = (options.photo,) if options.strokes is not None else parts_of_photograph(options.photo)
     return Access(
-        reads=(*photo, *given(options.strokes, options.mask, options.species_file)), replaces=(options.output,)
+        reads=(*photo, *given(options.strokes, options.mask, options.species_file, options.leaf)),
+        replaces=(options.output,),
     )
 
 

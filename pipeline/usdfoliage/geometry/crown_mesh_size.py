@@ -44,25 +44,25 @@ def choose_mesh_size(radius_m: NDArray[np.floating], settings: MeshSizeSettings 
     reach_m = (1 + FARTHEST) * float(np.linalg.norm(exact.points_m, axis=1).max())  # of any cage
     wanted = [draw_silhouette(exact.points_m, exact.face_vertices, turn, reach_m, settings.side_px) for turn in turns]
 
-    def least_iou(points_m: NDArray[np.floating], quads: NDArray[np.int32], enough: float) -> float:
-        """The least of all silhouettes, or the first that is below what is enough."""
-        least = 1.0
+    def worst_iou(points_m: NDArray[np.floating], quads: NDArray[np.int32], enough: float) -> float:
+        """The lowest of all silhouettes, or the first that is below what is enough."""
+        worst = 1.0
         for turn, silhouette in zip(turns, wanted, strict=True):
             drawn = draw_silhouette(points_m, quads, turn, reach_m, settings.side_px)
-            least = min(least, silhouette_iou(drawn, silhouette))
-            if least < enough:
+            worst = min(worst, silhouette_iou(drawn, silhouette))
+            if worst < enough:
                 break
-        return least
+        return worst
 
     cages = {size: build_crown_cage(radius_m, np.zeros(3), size) for size in settings.sizes if size < finest}
     for size, cage in cages.items():
-        if least_iou(cage.points_m, cage.face_vertices, settings.min_cage_iou) < settings.min_cage_iou:
+        if worst_iou(cage.points_m, cage.face_vertices, settings.min_cage_iou) < settings.min_cage_iou:
             continue
-        if least_iou(*crown_limit(cage, 1), settings.min_iou) >= settings.min_iou:
+        if worst_iou(*crown_limit(cage, 1), settings.min_iou) >= settings.min_iou:
             return size
     best, best_iou = finest, -1.0
     for size, cage in reversed(cages.items()):
-        iou = least_iou(*crown_limit(cage, 1), best_iou)
+        iou = worst_iou(*crown_limit(cage, 1), best_iou)
         if iou >= settings.min_iou:
             return size
         if iou > best_iou:

@@ -31,6 +31,7 @@ _THIN, _LEFT = 0.015, 0.65  # of the crown's width; and the share that is left o
 _COLORED = 0.02  # by which leaves are green or red; grey bark and sky are less
 _SAME_HUE = 0.18  # between the hue of twigs and that of their stem, in _hue
 _STEM_PIXELS = 20  # of a stem below the crown, of which its hue is known
+_AROUND = 0.06  # of the size of leaves: what is close around them
 _PAPER_PX = 1500.0  # longer side of the paper's pictures
 
 
@@ -83,6 +84,7 @@ class Foliage:
     background: Mixture
     is_thin: bool  # what was found is nowhere wide: single leaves, or twigs
     is_bare: bool  # it is thin, and has no other colour than the stem: twigs alone
+    before_sky: float  # share of what is around the leaves that is sky
 
 
 def find_foliage(
@@ -173,8 +175,15 @@ def find_foliage(
         leaves=leaves,
         background=background,
         is_thin=is_thin,
+        before_sky=share_around(labels, sky),
         is_bare=is_thin and bool(mask.any()) and _are_twigs(srgb, mask, whole, branches_px),
     )
+
+
+def share_around(mask: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:
+    """The share that another mask (H, W) has of what is close around a mask (H, W)."""
+    around = dilate(mask, max(2.0, _AROUND * float(np.sqrt(mask.sum())))) & ~mask
+    return float(other[around].mean()) if mask.any() and around.any() else 0.0
 
 
 def _near_stroke(

@@ -9,9 +9,11 @@ from usdfoliage.branch.foliage.species import Species
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.errors import FitError
 from usdfoliage.progress import Progress
+from usdfoliage.remarks import Setting
 from usdfoliage.sketch.axes import skeleton_of
 from usdfoliage.sketch.bounds import CrownBounds, bound_crown
 from usdfoliage.sketch.foliage import Foliage, FoliageCutSettings, find_foliage
+from usdfoliage.sketch.foliage_evidence import FoliageEvidence, measure_evidence
 from usdfoliage.sketch.growth import GrownAxes, SketchGrowthSettings, Watch, grow_axes
 from usdfoliage.sketch.into_space import TurningSettings, turn_into_space
 from usdfoliage.sketch.strokes import TreeStrokes
@@ -34,6 +36,7 @@ class SketchSettings:
     metres_per_px: float | None = None  # in place of the height
     depth: float = 1.0  # times as deep as the silhouette has it
     seed: int = 0
+    require_foliage: bool = True  # refuse what is foliage by no measure
     foliage: FoliageCutSettings = field(default_factory=FoliageCutSettings)
     trace: TraceSettings = field(default_factory=TraceSettings)
     turning: TurningSettings = field(default_factory=TurningSettings)
@@ -57,6 +60,7 @@ class SketchedTree:
 
     skeleton: Skeleton
     foliage: Foliage
+    evidence: FoliageEvidence  # that it is foliage
     traced: TracedTree
     bounds: CrownBounds
     grown: GrownAxes
@@ -85,12 +89,21 @@ def sketch_tree(
         leaf_pixels: What foliage_of_strokes finds with the first of mixture_seeds, where it is known already.
 
     Raises:
-        FitError: The strokes hold no leaves.
+        FitError: The strokes hold no leaves, or what is foliage by no measure.
     """
     rng = np.random.default_rng(settings.seed)
     seeds = [int(each) for each in rng.integers(2**31 - 2, size=2)]
     foliage = leaf_pixels or foliage_of_strokes(srgb, strokes, seeds[0], settings.foliage)
     bounds = bound_crown(foliage.mask, settings.depth, foliage.inside if foliage.is_bare else None)
+    evidence = measure_evidence(srgb, foliage.mask, foliage.before_sky, is_thin=foliage.is_thin)
+    if settings.require_foliage and evidence.is_none:
+        raise FitError(
+            f"the crown's stroke holds no foliage: what is in it is like a wall, a road or water ({evidence})",
+            (
+                "draw it around the leaves of the tree; if they are leaves, give ",
+                Setting(name="sketch.leaves", value='"on"'),
+            ),
+        )
     if not strokes.branches_px:
         strokes = TreeStrokes(crown_px=strokes.crown_px, branches_px=(_stem_below(bounds),))
     traced = trace_tree(branch_odds(srgb, strokes, foliage, seeds[1], settings.trace), strokes, settings.trace)
@@ -104,6 +117,7 @@ def sketch_tree(
     return SketchedTree(
         skeleton=skeleton_of(grown.axes, radius, scale_m, root),
         foliage=foliage,
+        evidence=evidence,
         traced=traced,
         bounds=bounds,
         grown=grown,

@@ -14,6 +14,7 @@ from usdfoliage.sketch.strokes import MAX_BYTES
 
 from tests.support.leaves.commands import refused, run
 from tests.support.photographs.drawn_trees import draw_leafy, write_photograph
+from tests.support.photographs.no_trees import road
 
 RING = [[150 + 110 * np.cos(a), 150 + 110 * np.sin(a)] for a in np.linspace(0, 2 * np.pi, 40, endpoint=False)]
 EIGHT = [[150 + 100 * np.sin(a), 150 + 90 * np.sin(2 * a)] for a in np.linspace(0, 2 * np.pi, 60, endpoint=False)]
@@ -189,3 +190,29 @@ def test_a_grey_picture_is_a_tree_too(tmp_path):
     cv2.imwrite(str(photo), grey)
     words = ["--no-preview", "--most-leaves", "300", "--no-crown"]
     assert run("sketch", photo, "-o", photo.parent / "out", *words) == 0
+
+
+def test_a_crown_over_a_road_is_no_tree(files, capsys):
+    photo, strokes = files
+    content = json.loads(strokes.read_text())
+    content["crown"] = [[150 + (x - 150) * 0.8, 170 + (y - 150) * 0.8] for x, y in RING]
+    strokes.write_text(json.dumps(content))
+    cv2.imwrite(str(photo), road()[..., ::-1])
+    line = complaint(capsys, photo)
+    assert "holds no foliage" in line
+    assert "--leaves on" in line
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bark_from_near_is_no_tree_though_parts_of_it_are_grey_as_a_sky(files, capsys, seed):
+    photo, strokes = files
+    strokes.unlink()
+    rng = np.random.default_rng(seed)
+    furrows = cv2.resize(rng.uniform(0.35, 1.3, (14, 40)), (300, 400), interpolation=cv2.INTER_LINEAR)
+    bark = np.array([70, 95, 120]) * furrows[..., None]
+    bark[:, :90] = (178, 176, 174)
+    for _ in range(8):
+        cv2.circle(bark, tuple(map(int, rng.uniform(0, 300, 2))), int(rng.integers(10, 40)), (176, 175, 172), -1)
+    cv2.imwrite(str(photo), np.clip(bark + rng.normal(0, 6, bark.shape), 0, 255).astype(np.uint8))
+    line = complaint(capsys, photo)
+    assert "shows no tree" in line or "no crown was found" in line

@@ -367,21 +367,20 @@ def _append_twigs(mesh: _Mesh, curves: Ints, chosen: Ints, stations: _Stations) 
     sizes = np.diff(np.append(first, count))
     twig = np.repeat(np.arange(len(first)), sizes)  # in the order of curves, which ascends
     drawn = chosen >= 0
-    base = mesh.faces[np.maximum(chosen, 0)]  # (S, 4)
-    base_m = mesh.points_m[base].mean(axis=1)
+    base = mesh.faces[chosen[drawn]]  # (D, 4), of those that are drawn out of one
     ahead = np.minimum(np.arange(count) + 1, np.repeat(first + sizes - 1, sizes))
     before = np.maximum(np.arange(count) - 1, np.repeat(first, sizes))
     back_m = stations.center_m[before]
-    back_m[first[drawn]] = base_m[drawn]
+    back_m[first[drawn]] = mesh.points_m[base].mean(axis=1)
     tangent = _unit(stations.center_m[ahead] - back_m)
     step = stations.center_m[ahead] - stations.center_m
     step[ends] = (stations.center_m - back_m)[ends]
     reference = carry_references(_unit(step), first, sizes)
     side = _unit(reference - np.sum(reference * tangent, axis=1, keepdims=True) * tangent)
     other = np.cross(tangent, side)
-    angle = (_turn_to_corners(mesh, base, stations, first, side, other) * drawn)[twig][:, None] + (
-        np.pi / 4 + np.pi / 2 * np.arange(SIDES)
-    )
+    turned_by = np.zeros(len(chosen))
+    turned_by[drawn] = _turn_to_corners(mesh, base, first[drawn], side, other)
+    angle = turned_by[twig][:, None] + (np.pi / 4 + np.pi / 2 * np.arange(SIDES))
     radius_m = stations.radius_m * np.where(ends, TIP, 1.0)
     spoke = np.cos(angle)[..., None] * side[:, None] + np.sin(angle)[..., None] * other[:, None]
     aims_m = (stations.center_m[:, None] + AT_VERTICES * radius_m[:, None, None] * spoke).reshape(-1, 3)
@@ -394,7 +393,7 @@ def _append_twigs(mesh: _Mesh, curves: Ints, chosen: Ints, stations: _Stations) 
     row = np.flatnonzero(~ends)
     rows = np.stack([corner[row], turned[row], turned[row + 1], corner[row + 1]], axis=-1).reshape(-1, SIDES)
     foot = first[drawn]
-    lofts = np.stack([base[drawn], np.roll(base[drawn], -1, axis=1), turned[foot], corner[foot]], axis=-1)
+    lofts = np.stack([base, np.roll(base, -1, axis=1), turned[foot], corner[foot]], axis=-1)
     lofts = lofts.reshape(-1, SIDES)
     caps = np.concatenate([corner[first[~drawn]][:, ::-1], corner[ends]])
     faces = np.concatenate([rows, lofts, caps])
@@ -419,8 +418,8 @@ def _append_twigs(mesh: _Mesh, curves: Ints, chosen: Ints, stations: _Stations) 
     mesh.gain = np.concatenate([mesh.gain, gain.reshape(-1)])
 
 
-def _turn_to_corners(mesh: _Mesh, base: Ints, stations: _Stations, first: Ints, side: Floats, other: Floats) -> Floats:
-    """(S,) by how much the first rings are turned, so that their vertices face the corners of the faces."""
+def _turn_to_corners(mesh: _Mesh, base: Ints, first: Ints, side: Floats, other: Floats) -> Floats:
+    """(D,) by how much the first rings (D,) are turned, so that their vertices face the corners of faces (D, 4)."""
     corner_m = mesh.points_m[base]
     corner_m = corner_m - corner_m.mean(axis=1, keepdims=True)
     across = np.einsum("skc,sc->sk", corner_m, side[first]) + 1j * np.einsum("skc,sc->sk", corner_m, other[first])

@@ -40,6 +40,7 @@ class FoliageRequest:
     species: Species = field(default_factory=lambda: load_species(GENERIC))
     source: Path | None = None  # asset of the fitted leaves
     length_m: float | None = None  # of a leaf; None: that of the species, or of the fitted leaves
+    form: NDArray[np.float64] | None = None  # (7, 3) that leaves vary around; None: one of the species' width
     settings: FoliageSettings = field(default_factory=FoliageSettings)
     representations: tuple[str, ...] | None = None  # None: as many as their number allows
     resolution: tuple[int, int] | None = None
@@ -141,7 +142,7 @@ def _of_species(places: LeafPlaces, request: FoliageRequest, rng: np.random.Gene
     """Leaves of the species' proportions, varied as those of a spray."""
     species, amount = request.species, request.settings.variation
     longer = 1.0 if request.length_m is None else request.length_m / species.leaf_length_m
-    mean = leaf_of_width(species.leaf_width)
+    mean = leaf_of_width(species.leaf_width) if request.form is None else request.form
     appearance = LeafAppearance(color=species.color)
     leaves = _leaves_at(
         places,

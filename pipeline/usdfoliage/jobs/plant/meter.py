@@ -1,5 +1,7 @@
 """How far a build is."""
 
+import time
+
 from usdfoliage.jobs.plant.call import BuildRequest
 from usdfoliage.jobs.plant.executors import Done, Wanted
 from usdfoliage.progress import PlantProgress, Progress, StepProgress
@@ -32,11 +34,16 @@ class Meter:
         if self._progress is None:
             return None
         report, plant = self._progress, self._wanted[place].request.name
+        estimate_s, start_s = self._wanted[place].tasks[name].estimate_s, time.monotonic()
 
         def show(step: str, share: float) -> None:
             what = name if step == name else f"{name}: {step}"
-            # Steps follow each other within a task, and each counts from 0: the task as a whole is half done.
-            report(plant, what, self._share(place, name, share if step == name else 0.5))
+            if step != name:
+                # Steps follow each other within a task, and each counts from 0. The task as a whole is half done
+                # after its estimate, and never done: a share that stood still would put its end ever farther off.
+                taken_s = time.monotonic() - start_s
+                share = taken_s / (taken_s + max(estimate_s, 1e-6))
+            report(plant, what, self._share(place, name, share))
 
         return show
 

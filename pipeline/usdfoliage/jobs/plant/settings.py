@@ -211,6 +211,8 @@ class SketchStageSettings:
     leaf_length_m: float | None = None
     max_leaves: int = SketchModelSettings.max_leaves  # The tree has at most this many leaves. Range: 1 to 1000000.
     crown: bool = True  # true gives the tree a crown for the distance.
+    # The surface of the branches has at most this many faces. Range: 1000 or more.
+    max_faces: int = SketchModelSettings.max_faces
 
     def __post_init__(self) -> None:
         if self.tree is not None and not 1 <= self.tree <= MAX_TREES:
@@ -224,7 +226,7 @@ class SketchStageSettings:
                 f"leaf_length_m must be above 0 and at most {MAX_LEAF_LENGTH_M:g}, not {self.leaf_length_m:g}"
             )
         SketchSettings(height_m=self.height_m, depth=self.depth, growth=SketchGrowthSettings(gravity=self.gravity))
-        SketchModelSettings(density=self.density)
+        SketchModelSettings(density=self.density, max_faces=self.max_faces)
 
 
 @dataclass(frozen=True, kw_only=True)

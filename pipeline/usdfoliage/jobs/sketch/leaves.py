@@ -12,9 +12,12 @@ from usdfoliage.branch.foliage.species import GENERIC, Species, load_species
 from usdfoliage.branch.model import Skeleton
 from usdfoliage.geometry.directions import unit_vectors, vectors_across
 from usdfoliage.jobs.branches.foliage import TEMPLATE, FoliageRequest, GrownLeaves, grow_leaves
+from usdfoliage.jobs.leaf_picture import GivenLeaf
 from usdfoliage.leaf.change import join_leaves
 from usdfoliage.leaf.model import LeafOrigin, Leaves
+from usdfoliage.leaf.shape.edits import slim_leaves
 from usdfoliage.leaf.shape.jitter import spread_phases
+from usdfoliage.leaf.shape.measures import leaf_width
 from usdfoliage.leaf.shape.surface import evaluate_points
 from usdfoliage.sketch.bounds import view_from_the_side
 from usdfoliage.sketch.drawing import SHIFT, fixed_points
@@ -33,6 +36,7 @@ _STEP_PX = 2.0  # between places of a twig that a leaf may stand on
 _LIGHT = np.array([0.0, 0.6, 0.8])  # where blades over gaps turn to: up, and to the viewer who sees them
 _SHORTEST_INTERNODE_M = 1e-4  # that a species may have
 _SCATTER = 0.3  # standard deviation, of that direction
+_SLIMMEST, _WIDEST = 0.02, 1.5  # in its lengths, that a leaf of a species may be
 _OUTLINE_V = (0.0, 0.15, 0.35, 0.55, 0.75, 0.9, 1.0)
 
 
@@ -45,6 +49,7 @@ class SketchLeaves:
     density: float = 1.0  # times as many as the species has and the photograph shows
     max_leaves: int = 20_000
     representations: tuple[str, ...] | None = None  # None: by their number
+    leaf: GivenLeaf | None = None  # whose form and look they have; None: that of the species
     seed: int = 0
 
 
@@ -64,18 +69,26 @@ def grow_sketch_leaves(
         linear: (H, W, 3), likewise, linear Rec.709.
         request: Which leaves.
     """
-    length_m = request.length_m or _length_by_texture(tree, srgb, request)
-    species = scale_species(request.species, length_m)
+    given = request.leaf
+    species = request.species if given is None else replace(request.species, leaf_width=_width_of(given))
+    cover = 1.0 if given is None else given.cover
+    length_m = request.length_m or _length_by_texture(tree, srgb, species, cover * request.max_leaves)
+    species = scale_species(species, length_m)
     if request.density > 1:
         species = replace(species, internode_m=max(species.internode_m / request.density, _SHORTEST_INTERNODE_M))
-    asked = FoliageRequest(kind=TEMPLATE, species=species, representations=request.representations)
+    asked = FoliageRequest(
+        kind=TEMPLATE,
+        species=species,
+        form=None if given is None else given.parameters,
+        representations=request.representations,
+    )
     asked = replace(asked, settings=replace(asked.settings, max_leaves=request.max_leaves, of_root=OF_ROOT))
     grown = grow_leaves(skeleton, asked, None, request.seed)
     assert grown is not None
     rng = np.random.default_rng([request.seed, 1])
     leaves = _choose_leaves(grown.foliage.leaves, tree, linear, rng)
     for view_of in (_front_view, _side_view):
-        view = view_of(tree, leaves)
+        view = view_of(tree, leaves, cover)
         filled = _fill_leaves(leaves, grown.foliage.leaves, skeleton, species, view, request.max_leaves, rng)
         if len(filled):
             leaves = join_leaves([leaves, _choose_leaves(filled, tree, linear, rng)])
@@ -83,7 +96,8 @@ def grow_sketch_leaves(
     if request.density < 1:  # of nodes that are farther apart every short shoot would keep one
         drawn = np.random.default_rng([request.seed, 2]).random(len(leaves))
         leaves = leaves.take(np.flatnonzero(drawn < request.density))
-    return grown, replace(grown.foliage, leaves=leaves)
+    foliage = replace(grown.foliage, leaves=leaves)
+    return grown, foliage if given is None else replace(foliage, appearance=given.appearance, edits=given.edits)
 
 
 def scale_species(species: Species, length_m: float) -> Species:
@@ -97,15 +111,20 @@ def scale_species(species: Species, length_m: float) -> Species:
     )
 
 
-def _length_by_texture(tree: SketchedTree, srgb: NDArray[np.uint8], request: SketchLeaves) -> float:
+def _width_of(leaf: GivenLeaf) -> float:
+    """Of a leaf, in its lengths, as a species may have it."""
+    return float(np.clip(leaf_width(leaf.parameters[None])[0], _SLIMMEST, _WIDEST))
+
+
+def _length_by_texture(tree: SketchedTree, srgb: NDArray[np.uint8], species: Species, max_leaves: float) -> float:
     """Metres, by the texture of the photograph; that of the species where it shows too little."""
     size_px = crown_size(tree.bounds)
     length_px = measure_leaf_length(srgb, tree.foliage.mask, size_px)
     if length_px is None:
-        return request.species.leaf_length_m
+        return species.leaf_length_m
     area_px = float(tree.foliage.mask.sum())
     # So many leaves cannot cover it if they are smaller.
-    covering_px = np.sqrt(_LAYERS * area_px / (0.6 * request.species.leaf_width * request.max_leaves))
+    covering_px = np.sqrt(_LAYERS * area_px / (0.6 * species.leaf_width * max_leaves))
     return max(length_px, float(covering_px)) * float(np.linalg.norm(tree.asset_from_photo[:3, 0]))
 
 
@@ -134,23 +153,25 @@ class _View:
     mask: Mask  # (H, W), where leaves are to be seen
     allowed: Mask  # (H, W), that with its narrow gaps
     enough: float = LeafFillSettings().enough  # share that may stay open
+    cover: float = 1.0  # share of a leaf within its silhouette, that its texture shows
 
 
-def _front_view(tree: SketchedTree, _leaves: Leaves) -> _View:
+def _front_view(tree: SketchedTree, _leaves: Leaves, cover: float) -> _View:
     """The photograph's own."""
-    return _View(from_asset=_picture_from_asset(tree), mask=tree.foliage.mask, allowed=tree.bounds.leaves)
+    return _View(from_asset=_picture_from_asset(tree), mask=tree.foliage.mask, allowed=tree.bounds.leaves, cover=cover)
 
 
-def _side_view(tree: SketchedTree, leaves: Leaves) -> _View:
+def _side_view(tree: SketchedTree, leaves: Leaves, cover: float) -> _View:
     """From the side, where the crown is as dense as from the front, whose gaps the photograph shows."""
     inside = tree.bounds.inside
-    covered = (_covered(leaves, _front_view(tree, leaves)) & inside).sum() / max(inside.sum(), 1)
+    covered = (_covered(leaves, _front_view(tree, leaves, cover)) & inside).sum() / max(inside.sum(), 1)
     side = view_from_the_side(tree.bounds)
     return _View(
         from_asset=side.from_picture @ _picture_from_asset(tree),
         mask=side.inside,
         allowed=side.inside,
         enough=float(1 - covered),
+        cover=cover,
     )
 
 
@@ -173,7 +194,7 @@ def _fill_leaves(
         view.allowed,
         _places_on_twigs(skeleton, species, view.from_asset),
         species.leaf_length_m * scale,
-        species.leaf_width,
+        species.leaf_width * view.cover,
         max_leaves - len(leaves),
         rng,
         LeafFillSettings(enough=view.enough),
@@ -215,6 +236,9 @@ def _covered(leaves: Leaves, view: _View) -> Mask:
     drawn = np.zeros(view.mask.shape, np.uint8)
     if not len(leaves):
         return drawn > 0
+    if view.cover < 1:  # as much narrower as its texture leaves out of it
+        slim = slim_leaves(leaves.parameters, np.full(len(leaves), view.cover))
+        leaves = replace(leaves, parameters=slim)
     around = [(1.0, v) for v in _OUTLINE_V] + [(-1.0, v) for v in _OUTLINE_V[-2:0:-1]]
     points = evaluate_points(leaves.parameters, np.array(around), placements=leaves.asset_from_leaf())
     flat = (points @ view.from_asset[:3, :3].T + view.from_asset[:3, 3])[..., :2] * [1, -1]

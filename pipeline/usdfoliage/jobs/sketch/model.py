@@ -18,8 +18,9 @@ from usdfoliage.errors import FitError
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
 from usdfoliage.jobs.branches.foliage import GrownLeaves
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_near_leaves, rig_branches, rig_near_leaves
-from usdfoliage.jobs.branches.surfaces import build_surfaces
+from usdfoliage.jobs.branches.surfaces import MIN_MAX_FACES, build_surfaces
 from usdfoliage.jobs.crown.photograph import CrownSettings, reconstruct_crown
+from usdfoliage.jobs.leaf_picture import GivenLeaf
 from usdfoliage.jobs.sketch.leaves import SketchLeaves, grow_sketch_leaves
 from usdfoliage.progress import StepProgress, follow_step
 from usdfoliage.remarks import Remark, remark
@@ -47,6 +48,7 @@ class SketchModelSettings:
 
     tree: SketchSettings = field(default_factory=SketchSettings)
     species: Species = field(default_factory=lambda: load_species(GENERIC))
+    leaf: GivenLeaf | None = None  # whose form and look the leaves have; None: that of the species
     leaf_length_m: float | None = None  # None: by the texture of the photograph
     density: float = 1.0  # times as many leaves as the species has
     max_leaves: int = 20_000
@@ -61,6 +63,8 @@ class SketchModelSettings:
         if length_m is not None and not (math.isfinite(length_m) and 0 < length_m <= MAX_LEAF_LENGTH_M):
             limit = f"{MAX_LEAF_LENGTH_M:g}"
             raise ValueError(f"the leaf length must be above 0 and at most {limit} metres, not {length_m:g}")
+        if self.max_faces < MIN_MAX_FACES:
+            raise ValueError(f"max_faces must be at least {MIN_MAX_FACES}, not {self.max_faces}")
         if not MIN_DENSITY <= self.density <= MAX_DENSITY:
             raise ValueError(f"density must be {MIN_DENSITY:g} to {MAX_DENSITY:g}, not {self.density:g}")
 
@@ -166,13 +170,19 @@ def model_tree(
             scaled = replace(settings.tree, metres_per_px=settings.tree.metres_per_px / shrunk)
             settings = replace(settings, tree=scaled)
     srgb = to_display(linear)
+    # Who asks for leaves has seen them.
+    of_tree = replace(settings.tree, require_foliage=settings.tree.require_foliage and settings.has_leaves is not True)
     with follow_step("tree", seconds, progress) as advance:
         tree = sketch_tree(
-            srgb, strokes, settings.species, settings.tree, report=advance, watch=watch, leaf_pixels=leaf_pixels
+            srgb, strokes, settings.species, of_tree, report=advance, watch=watch, leaf_pixels=leaf_pixels
         )
     with follow_step("surface", seconds, progress):
         made = build_surfaces(tree.skeleton, settings.max_faces)
     remarks = list(made.remarks)
+    if tree.evidence.is_little:
+        text = f"what was taken for leaves has little of foliage ({tree.evidence})"
+        remedy = "look at the leaves in the report, and draw the stroke around the tree if they are none"
+        remarks.append(remark("foliage-improbable", text, remedy=remedy))
     bark = _bark_color(srgb, strokes, tree)
     branches = PlantBranches(
         skeleton=SkeletonPrim(
@@ -197,6 +207,7 @@ def model_tree(
                 density=settings.density,
                 max_leaves=settings.max_leaves,
                 representations=settings.representations,
+                leaf=settings.leaf,
                 seed=settings.tree.seed,
             )
             leaves, foliage = grow_sketch_leaves(tree, branches.skeleton.skeleton, srgb, linear, request)

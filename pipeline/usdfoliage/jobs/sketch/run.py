@@ -4,13 +4,16 @@ from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from usdfoliage import __version__
 from usdfoliage.asset.asset_record import AssetOrigin
+from usdfoliage.asset.materials.picture import write_texels
 from usdfoliage.asset.packages.cards import DrawPictures
 from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
+from usdfoliage.asset.parts.leaf_part import BranchLeaves
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.publish import plan_folder, publish_folder
 from usdfoliage.branch.foliage.species import describe_species
@@ -18,7 +21,9 @@ from usdfoliage.capture.folder.images import Photo, read_photo
 from usdfoliage.capture.folder.masks import clean_mask, read_mask
 from usdfoliage.capture.mask_proposal.propose import MaskProposal, propose_mask
 from usdfoliage.errors import CaptureError, FoliageError
-from usdfoliage.files.hashing import hash_file
+from usdfoliage.files.hashing import hash_bytes, hash_file
+from usdfoliage.files.temporary_folder import temporary_folder
+from usdfoliage.jobs.leaf_picture import GivenLeaf, describe_leaf, read_given_leaf
 from usdfoliage.jobs.report.published import PublishedAsset
 from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.sketch.model import (
@@ -32,15 +37,18 @@ from usdfoliage.jobs.sketch.model import (
 from usdfoliage.jobs.sketch.report import DrawnTree, SketchReport, draw_tree, write_sketch_report
 from usdfoliage.progress import StepProgress, follow_step
 from usdfoliage.remarks import (
+    Argument,
     Remark,
     RenderSetting,
+    Setting,
     as_plan_setting,
     label_remarks,
     merge_remarks,
     remark,
 )
 from usdfoliage.sketch.choices import SketchChoices
-from usdfoliage.sketch.foliage import find_sky
+from usdfoliage.sketch.foliage import find_sky, share_around
+from usdfoliage.sketch.foliage_evidence import measure_evidence
 from usdfoliage.sketch.proposal import complete_proposal, propose_strokes
 from usdfoliage.sketch.strokes import (
     OUTSIDE,
@@ -57,6 +65,7 @@ from usdfoliage.sketch.strokes import (
 STEPS = ("tree", "surface", "leaves", "motion", "crown", "asset", "preview")
 _CLEAR = 0.6  # confidence of a proposed mask, from which on only its top is completed before the sky
 _UNCERTAIN = 0.5  # confidence, below which a proposal is to be looked at
+_SMALL = 0.05  # of the picture: the smallest crown of those photographs covers .16
 _SOME_SKY = 0.03  # of the picture: of 34 photographs of whole trees the barest of sky shows .09
 STROKES = "strokes.json"  # in the asset's folder
 _MIN_SPREAD = 4  # of 255, from the darkest to the brightest pixels
@@ -74,6 +83,7 @@ class SketchRequest:
     tape_m: tuple[float, float, float, float, float] | None = None  # x and y of two places, and metres between them
     color_space: str | None = None
     species: str = ""
+    leaf: Path | None = None  # picture of a leaf, or an asset of leaves; None for leaves of the species
     settings: SketchModelSettings = field(default_factory=SketchModelSettings)
     choices: SketchChoices = field(default_factory=SketchChoices)  # over those settings, and over those of the strokes
     force: bool = False
@@ -125,6 +135,8 @@ def read_sketch_input(request: SketchRequest) -> SketchInput:
     """
     strokes = None if request.strokes is None else read_strokes(request.strokes)
     settings = _settings_of(request, SketchChoices() if strokes is None else strokes.choices)
+    if request.leaf is not None:
+        settings = replace(settings, leaf=read_given_leaf(request.leaf, request.output))
     photo = read_photo(request.photo, request.color_space)
     srgb = to_display(photo.linear)
     _require_picture(srgb, request.photo)
@@ -184,7 +196,30 @@ def propose_tree(photo: Photo, srgb: NDArray[np.uint8], seed: int) -> tuple[Mask
             f"draw strokes around its crown and along its stem, as {strokes_beside(photo.path).name}",
         )
     mask = complete_proposal(proposal.mask, srgb, sky, only_top=proposal.confidence >= _CLEAR)
+    if proposal.confidence < _CLEAR:
+        _require_foliage(proposal, mask, srgb, sky, photo.path)
     return proposal, propose_strokes(mask, srgb)
+
+
+def _require_foliage(
+    proposal: MaskProposal, mask: NDArray[np.bool_], srgb: NDArray[np.uint8], sky: NDArray[np.bool_], photo: Path
+) -> None:
+    """CaptureError for a crown (H, W) that nothing but its colour proposes, as one of bark or of a wall."""
+    small = cv2.resize(mask.astype(np.uint8), sky.shape[::-1], interpolation=cv2.INTER_AREA) > 0
+    evidence = measure_evidence(srgb, mask, share_around(small, sky))
+    share = float(proposal.mask.mean())
+    if evidence.is_ruled:
+        why = f"the likeliest crown has edges along two directions, as bark and walls have ({evidence})"
+    elif proposal.confidence < _UNCERTAIN and not evidence.has_sky:
+        why = f"no sky is beside the likeliest crown, whose confidence is {proposal.confidence:.2f}"
+    elif proposal.confidence < _UNCERTAIN and share < _SMALL:
+        why = f"the likeliest crown covers {100 * share:.1f} % of it, {100 * _SMALL:g} % are needed"
+    else:
+        return
+    raise CaptureError(
+        f"{photo} shows no tree clearly: {why}",
+        f"draw strokes around its crown and along its stem, as {strokes_beside(photo).name}",
+    )
 
 
 def _settings_of(request: SketchRequest, of_strokes: SketchChoices) -> SketchModelSettings:
@@ -305,15 +340,17 @@ def write_tree(
         scaled = replace(settings.tree, metres_per_px=metres / float(np.hypot(x2 - x1, y2 - y1)))
         settings = replace(settings, tree=scaled)
     model = model_tree(given.photo.linear, given.strokes.trees[0], settings, seconds, progress)
-    with follow_step("asset", seconds, progress):
+    leaf = settings.leaf
+    with follow_step("asset", seconds, progress), temporary_folder("leaf") as work:
         interface = write_plant_asset(
             folders.asset,
             request.name,
             provenance=provenance,
             asset_from_capture=model.asset_from_photo,
             branches=model.branches,
-            foliage=model.foliage,
+            foliage=_with_texels(model.foliage, leaf, work),
             crown=model.crown,
+            crown_leaf=None if leaf is None else leaf.picture,
             settings=written,
             pictures=pictures,
         )
@@ -321,7 +358,7 @@ def write_tree(
         if request.tape_m is not None:  # whose places are of this run; the height gives the same scale again
             strokes = replace(strokes, choices=replace(strokes.choices, height_m=model.tree.height_m))
         write_strokes(folders.asset / STROKES, strokes)
-    remarks = [*given.remarks, *model.remarks]
+    remarks = [*given.remarks, *model.remarks, *_remark_broad_leaves(request, model)]
     folders.report.mkdir(exist_ok=True)
     rows = sketch_rows(model)
     drawn = draw_tree(interface if request.preview else None, model, folders.report, remarks, progress)
@@ -337,6 +374,24 @@ def write_tree(
     )
     write_sketch_report(folders.report, report, model, drawn)
     return WrittenTree(interface=interface, model=model, drawn=drawn, remarks=tuple(remarks), rows=rows)
+
+
+def _with_texels(foliage: BranchLeaves | None, leaf: GivenLeaf | None, work: Path) -> BranchLeaves | None:
+    """The leaves with the texture of a leaf that a picture shows, as a file in the folder work."""
+    if foliage is None or leaf is None or leaf.texels is None:
+        return foliage
+    texture = work / "leaf.png"
+    write_texels(texture, leaf.texels)
+    return replace(foliage, appearance=replace(foliage.appearance, texture=texture))
+
+
+def _remark_broad_leaves(request: SketchRequest, model: SketchModel) -> list[Remark]:
+    """That a tree of no named species has broad leaves, where it has leaves."""
+    if request.species or request.leaf is not None or model.foliage is None:
+        return []
+    text = "no species is named, and the leaves are broad ones; the photograph does not decide their form"
+    remedy = ("name ", Setting(name="plant.species"), ", or give ", Argument(name="leaf"), ", as for needles")
+    return [remark("leaves-broad", text, remedy=remedy)]
 
 
 def plan_sketch_asset(request: SketchRequest) -> str:
@@ -398,9 +453,11 @@ def describe_settings(request: SketchRequest, settings: SketchModelSettings) -> 
         "gravity": f"{settings.tree.growth.gravity:g}",
         "species": settings.species.name,
         "species-parameters": describe_species(settings.species),
+        **describe_leaf(request.leaf),
         "leaf-length": "auto" if settings.leaf_length_m is None else f"{settings.leaf_length_m:g}",
         "density": f"{settings.density:g}",
         "most-leaves": str(settings.max_leaves),
+        "most-faces": str(settings.max_faces),
         "representation": " ".join(settings.representations or ()) or "auto",
         **settings.motion.describe(),
         "seed": str(settings.tree.seed),
@@ -415,5 +472,12 @@ def _provenance(request: SketchRequest, settings: SketchModelSettings) -> Proven
         generator=f"usdfoliage {__version__}",
         seed=settings.tree.seed,
         settings=describe_settings(request, settings),
-        input_sha256=hash_file(request.photo).hex(),
+        input_sha256=_fingerprint(request.photo, settings.leaf),
     )
+
+
+def _fingerprint(photo: Path, leaf: GivenLeaf | None) -> str:
+    """Of the photograph, and of the leaf that was given."""
+    if leaf is None:
+        return hash_file(photo).hex()
+    return hash_bytes(hash_file(photo), leaf.picture.rgba.tobytes(), leaf.parameters.tobytes()).hex()

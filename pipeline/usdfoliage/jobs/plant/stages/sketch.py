@@ -25,7 +25,11 @@ from usdfoliage.leaf.model import count_origins
 from usdfoliage.remarks import Remark, Setting
 from usdfoliage.sketch.choices import SketchChoices
 
-_OWN = {"foliage.max_leaves": "sketch.max_leaves", "foliage.leaf_length_m": "sketch.leaf_length_m"}
+_OWN = {
+    "branches.max_faces": "sketch.max_faces",
+    "foliage.max_leaves": "sketch.max_leaves",
+    "foliage.leaf_length_m": "sketch.leaf_length_m",
+}
 
 
 def sketch_plant(call: StageCall) -> tuple[ResultFile, ...]:
@@ -101,6 +105,7 @@ def _request(call: StageCall) -> SketchRequest:
         settings=SketchModelSettings(
             species=known or load_species(GENERIC),
             max_leaves=settings.max_leaves,
+            max_faces=settings.max_faces,
             has_leaves=HAS_LEAVES[settings.leaves],
             has_crown=settings.crown,
             representations=plant.representations,
@@ -114,7 +119,8 @@ def _request(call: StageCall) -> SketchRequest:
 
 def _as_sketch(about: Remark) -> Remark:
     """A remark whose remedy names the settings of a sketch, where a plant of a capture has others."""
-
+    if about.code == "leaves-broad":  # a build takes no leaf beside its photograph
+        return replace(about, remedy=("name ", Setting(name="plant.species")))
     return replace(
         about,
         remedy=tuple(
