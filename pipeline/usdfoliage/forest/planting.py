@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from usdfoliage.forest.colors import crown_colors, crown_contrast
+from usdfoliage.forest.colors import crown_colors
 from usdfoliage.forest.ground_cover import scatter_blue_noise
 from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.plants_file import PlantRow, PlantsFile
@@ -184,7 +184,7 @@ def _find_trees(given: ForestInput, settings: PlantingSettings, refused: dict[st
     elif given.canopy is not None:
         tops = find_tops_of_canopy(given.canopy, settings.tree_tops)
     elif given.orthophoto is not None:
-        tops = find_tops_of_photo(crown_contrast(given.orthophoto), settings.tree_tops)
+        tops = find_tops_of_photo(given.orthophoto, settings.tree_tops)
         if settings.find_classes and given.vegetation is None and len(tops.ground_m):
             rough = are_rough(given.orthophoto, tops.ground_m, tops.radius_m)
             if (~rough).any():
