@@ -5,10 +5,12 @@ usage: tools/learn_crowns.py [--seed 100] [--forests 24] [-o WEIGHTS.toml]
 
 The forests are those of tools/synthetic_forest.py, of random relief, density, crowns, species, pixels and sun. A cell
 is worth the intersection over union of its disc with the crown that it covers best; lit from a wrong side, half of
-that. Half of the canopies have noise and holes. After the first turn more is learned from cells whose answers are wrong.
+that. Half of the canopies have noise and holes. After the first turn more is learned from cells whose answers are
+wrong.
 """
 
 import argparse
+import itertools
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -180,10 +182,7 @@ def fit_network(lesson: Lesson, rng: np.random.Generator) -> Network:
     middle, spread = lesson.facts.mean(axis=0), lesson.facts.std(axis=0) + 1e-3
     inputs = np.clip((lesson.facts - middle) / spread, -4, 4).astype(np.float32)
     sizes = (inputs.shape[1], *HIDDEN, 1)
-    weights = [
-        (rng.standard_normal((a, b)) * np.sqrt(2 / a)).astype(np.float32)
-        for a, b in zip(sizes, sizes[1:], strict=False)
-    ]
+    weights = [(rng.standard_normal((a, b)) * np.sqrt(2 / a)).astype(np.float32) for a, b in itertools.pairwise(sizes)]
     offsets = [np.zeros(b, np.float32) for b in sizes[1:]]
     offsets[-1][:] = -1.5
     numbers = weights + offsets

@@ -304,7 +304,7 @@ def make(scene: Scene, folder: Path) -> None:
     write(folder / "vegetation.tif", codes[None].astype(np.uint8), scene.cell_m)
     photo8 = np.rint(np.clip(encoded, 0, 1) * 255).astype(np.uint8)
     write(folder / "orthophoto.tif", np.moveaxis(photo8, -1, 0), scene.pixel_m)
-    table = trees + [WEST, NORTH - scene.side_m, 0, 0, 0]
+    table = trees + np.array([WEST, NORTH - scene.side_m, 0, 0, 0])
     np.savetxt(
         folder / "truth" / "trees.csv",
         table,

@@ -22,14 +22,15 @@ from usdfoliage.forest.raster import Raster, to_ground
 _WEIGHTS = "crown_weights.toml"
 RATIO = 2**0.25  # of a radius over the next smaller one
 FINEST_PX = 1.5  # pixels in the smallest radius that is looked for
-LEAST = {"photo": 0.42, "canopy": 0.42}  # of an intersection over union that is a crown
-PROMISING = 0.2  # answer of one cell of four, around which all cells are asked
+LEAST = {"photo": 0.42, "canopy": 0.44}  # of an intersection over union that is a crown
+PROMISING = 0.28  # answer of one cell of four, around which all cells are asked
 APART = 0.62  # of the sum of two radii, within which the better of two crowns stays
 SAME = 0.4  # radii apart, within which answers are of one crown
 LOWEST_M = 1.0  # of a canopy, where crowns are looked for
 SUNS = 12  # directions that are tried
 SUN_RADII_M = (1.7, 2.8, 4.8)  # of crowns that show where the sun is
 SUN_TILES = 4  # of each radius, that are looked at
+SUN_STEP = 3  # cells from one that is asked there to the next
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,10 +122,12 @@ def _answer_of_sun(orthophoto: Raster, radii: Sequence[float], sun_deg: float) -
     for radius in radii:
         for tile in cut_tiles(orthophoto, radius, sun_deg, SUN_TILES):
             mask = np.zeros(tile.seen.shape, bool)
-            mask[::2, ::2] = tile.seen[::2, ::2]
+            mask[::SUN_STEP, ::SUN_STEP] = tile.seen[::SUN_STEP, ::SUN_STEP]
             score = np.zeros(tile.seen.shape, np.float32)
             score[mask] = _answer(tile, mask)
-            highest = (score >= ndimage.maximum_filter(score, size=5, mode="constant")) & (score > LEAST["photo"])
+            highest = (score >= ndimage.maximum_filter(score, size=2 * SUN_STEP + 1, mode="constant")) & (
+                score > LEAST["photo"]
+            )
             total += float((score[highest] - LEAST["photo"]).sum()) * radius**2
     return total
 

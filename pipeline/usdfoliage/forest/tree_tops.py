@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from usdfoliage.forest.crown_search import find_crowns
 from usdfoliage.forest.raster import Raster, to_pixels
@@ -15,6 +16,9 @@ from usdfoliage.forest.raster import Raster, to_pixels
 Floats = NDArray[np.float64]
 
 LOWEST_M = 2.0  # trees that are lower are shrubs
+TOPS = 4  # nearest to a pixel, of which one has it
+CUT = 0.35  # of a crown's height: its radius ends there
+LARGER = 1.2  # found radii that a crown is looked for in
 NOISE_PX = 3  # side of the median that takes single wrong pixels out of a canopy
 NOISE_M = 0.15  # median of what it changes on crowns, from which a canopy is noisy
 HOLLOW_M = 1.5  # a pixel so much below the median of those around it is a hole of the canopy
@@ -55,12 +59,13 @@ def find_tops_of_canopy(canopy: Raster, settings: TreeTopSettings = TreeTopSetti
     reach_px = np.maximum(crowns.radius_m / 2, canopy.cell_m) / canopy.cell_m
     top_m = _highest_within(smooth_m, row, column, reach_px)
     tall = top_m >= LOWEST_M
-    return TreeTops(
+    tops = TreeTops(
         ground_m=crowns.ground_m[tall],
         height_m=top_m[tall],
         radius_m=crowns.radius_m[tall],
         strength=crowns.score[tall],
     )
+    return _measure_radii(canopy, filled.values, tops)
 
 
 def find_tops_of_photo(orthophoto: Raster, settings: TreeTopSettings = TreeTopSettings()) -> TreeTops:
@@ -112,3 +117,28 @@ def _highest_within(picture: Floats, row: NDArray[np.int64], column: NDArray[np.
         largest = ndimage.maximum_filter(picture, footprint=x * x + y * y <= size * size, mode="nearest")
         highest[mine] = largest[row[mine], column[mine]]
     return highest
+
+
+def _measure_radii(canopy: Raster, height_m: Floats, tops: TreeTops) -> TreeTops:
+    """Tops with radii of the area that each crown has: pixels nearer to it than to others, by their radii, and high."""
+    if not len(tops.ground_m):
+        return tops
+    row, column = np.nonzero(height_m > CUT * LOWEST_M)
+    places = np.stack([column, row], axis=-1) + 0.5
+    pixels = to_pixels(canopy, tops.ground_m)
+    radius_px = tops.radius_m / canopy.cell_m
+    count = min(TOPS, len(pixels))
+    found = cKDTree(pixels).query(places, k=list(range(1, count + 1)))
+    away_px, near = (np.asarray(each) for each in found)
+    chosen = np.argmin(away_px / radius_px[near], axis=1)[:, None]
+    top = np.take_along_axis(near, chosen, axis=1)[:, 0]
+    off = np.take_along_axis(away_px, chosen, axis=1)[:, 0]
+    mine = (off < LARGER * radius_px[top]) & (height_m[row, column] > CUT * tops.height_m[top])
+    area_px = np.bincount(top[mine], minlength=len(pixels))
+    measured_m = np.sqrt(area_px / np.pi) * canopy.cell_m
+    return TreeTops(
+        ground_m=tops.ground_m,
+        height_m=tops.height_m,
+        radius_m=np.where(area_px > 0, measured_m, tops.radius_m),
+        strength=tops.strength,
+    )
