@@ -150,7 +150,7 @@ def learn_from(
                 row, column = np.nonzero(mask)
                 if not len(row):
                     continue
-                found = tile_facts(tile, row, column)
+                found = tile_facts(tile, row, column).T
                 value = factor * circle_overlap(middles_of(picture, tile, row, column), radius, trees)
                 odds = 0.03 + value**2
                 if known is not None:

@@ -1,4 +1,4 @@
-"""Colours of an orthophoto: the mean colour of each crown."""
+"""Colours of an orthophoto: the mean colour of each crown, and which are of no leaves."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,7 @@ Floats = NDArray[np.float64]
 
 RINGS = (0.25, 0.5, 0.7)  # of a crown's radius, on which its colour is read
 PER_RING = 12
+BLUEST = 0.8  # blue of leaves over the greater of their red and green; roads and shadows on them have more
 
 
 def crown_colors(linear: Raster, ground_m: Floats, radius_m: Floats) -> Floats:
@@ -25,3 +26,8 @@ def crown_colors(linear: Raster, ground_m: Floats, radius_m: Floats) -> Floats:
     places_m = ground_m[:, None] + radius_m[:, None, None] * disc
     colors = sample_bilinear(linear, places_m.reshape(-1, 2)).reshape(len(ground_m), len(disc), 3)
     return np.asarray(colors.mean(axis=1))
+
+
+def are_of_leaves(colors: Floats) -> NDArray[np.bool_]:
+    """(N,) whether mean linear colours (N, 3) can be those of leaves of any season; roads and water have more blue."""
+    return np.asarray(colors[:, 2] < BLUEST * np.maximum(colors[:, 0], colors[:, 1]))

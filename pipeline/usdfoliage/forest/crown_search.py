@@ -22,7 +22,7 @@ from usdfoliage.forest.raster import Raster, to_ground
 _WEIGHTS = "crown_weights.toml"
 RATIO = 2**0.25  # of a radius over the next smaller one
 FINEST_PX = 1.5  # pixels in the smallest radius that is looked for
-LEAST = {"photo": 0.42, "canopy": 0.44}  # of an intersection over union that is a crown
+LOWEST_SCORE = {"photo": 0.42, "canopy": 0.44}  # of an intersection over union that is a crown
 PROMISING = 0.28  # answer of one cell of four, around which all cells are asked
 APART = 0.62  # of the sum of two radii, within which the better of two crowns stays
 SAME = 0.4  # radii apart, within which answers are of one crown
@@ -49,14 +49,14 @@ def find_crowns(picture: Raster, radius_m: tuple[float, float]) -> Crowns:
         picture: (H, W, 3) linear colours, NaN where nothing is seen; or (H, W) heights of a canopy, metres.
         radius_m: The smallest and the largest crown.
     """
-    least = LEAST[_kind(picture)]
+    lowest = LOWEST_SCORE[_kind(picture)]
     sun_deg = find_sun(picture, radius_m) if picture.values.ndim == 3 else 0.0
     places, radii, scores = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0)]
     for radius in crown_radii(radius_m, picture.cell_m):
         for tile in cut_tiles(picture, radius, sun_deg):
             score = score_tile(tile)
             highest = score >= ndimage.maximum_filter(score, size=3, mode="constant")
-            row, column = np.nonzero(highest & (score > least))
+            row, column = np.nonzero(highest & (score > lowest))
             cell = np.stack([column, row], axis=-1) + _peak_offsets(score, row, column) + 0.5
             places.append(cell @ tile.pixel_from_cell[:, :2].T + tile.pixel_from_cell[:, 2])
             radii.append(np.full(len(row), radius))
@@ -108,12 +108,15 @@ def _answer(tile: CrownTile, mask: NDArray[np.bool_]) -> Singles:
     if not mask.any():
         return np.zeros(0, np.float32)
     middle, spread, layers = _read_weights("canopy" if len(tile.channels) == 1 else "photo")
-    answer = np.clip((tile_facts(tile, *np.nonzero(mask)) - middle) / spread, -4, 4)
+    answer = tile_facts(tile, *np.nonzero(mask))
+    answer -= middle[:, None]
+    answer /= spread[:, None]
+    np.clip(answer, -4, 4, out=answer)
     for number, (matrix, offset) in enumerate(layers):
-        answer = answer @ matrix + offset
+        answer = matrix.T @ answer + offset[:, None]
         if number < len(layers) - 1:
-            answer = np.maximum(answer, 0)
-    return np.asarray(1 / (1 + np.exp(-answer[:, 0])), np.float32)
+            np.maximum(answer, 0, out=answer)
+    return np.asarray(1 / (1 + np.exp(-answer[0])), np.float32)
 
 
 def _answer_of_sun(orthophoto: Raster, radii: Sequence[float], sun_deg: float) -> float:
@@ -126,9 +129,9 @@ def _answer_of_sun(orthophoto: Raster, radii: Sequence[float], sun_deg: float) -
             score = np.zeros(tile.seen.shape, np.float32)
             score[mask] = _answer(tile, mask)
             highest = (score >= ndimage.maximum_filter(score, size=2 * SUN_STEP + 1, mode="constant")) & (
-                score > LEAST["photo"]
+                score > LOWEST_SCORE["photo"]
             )
-            total += float((score[highest] - LEAST["photo"]).sum()) * radius**2
+            total += float((score[highest] - LOWEST_SCORE["photo"]).sum()) * radius**2
     return total
 
 
@@ -150,7 +153,7 @@ def _peak_offsets(score: Singles, row: NDArray[np.int64], column: NDArray[np.int
 
 
 def _best_of(ground_m: Floats, radius_m: Floats, score: Floats, between_m: tuple[float, float]) -> Crowns:
-    """The best answers, none of which lies within another; each is the mean of those that are alike."""
+    """The best answers, none of which lies within another; each is the mean of those that are the same."""
     kept: list[int] = []
     means: list[Floats] = []
     if len(ground_m):
@@ -162,13 +165,13 @@ def _best_of(ground_m: Floats, radius_m: Floats, score: Floats, between_m: tuple
                 continue
             others = np.array(near[number])
             away_m = np.linalg.norm(ground_m[others] - ground_m[number], axis=1)
-            alike = others[
+            same = others[
                 (away_m < SAME * radius_m[number]) & (np.abs(np.log(radius_m[others] / radius_m[number])) < 0.4)
             ]
-            weight = score[alike] ** 4
-            mean_m = (weight[:, None] * ground_m[alike]).sum(axis=0) / weight.sum()
+            weight = score[same] ** 4
+            mean_m = (weight[:, None] * ground_m[same]).sum(axis=0) / weight.sum()
             kept.append(number)
-            means.append(np.append(mean_m, np.exp((weight * np.log(radius_m[alike])).sum() / weight.sum())))
+            means.append(np.append(mean_m, np.exp((weight * np.log(radius_m[same])).sum() / weight.sum())))
             gone[others[away_m < APART * (radius_m[others] + radius_m[number])]] = True
     found = np.array(means).reshape(-1, 3)
     return Crowns(

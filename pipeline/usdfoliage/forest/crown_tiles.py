@@ -26,7 +26,7 @@ BLUR = 0.12  # of a radius, that a picture is blurred by
 LEAVES_M = 0.4  # blur that parts leaves and gaps from the crown's shading
 DARK = 0.03  # of the mean light, that is added before logarithms: noise in shadows is no colour
 EDGE_PX = 3  # around what is cut, for blurs
-LEAST_SPREAD, LEAST_SPREAD_M = 0.05, 0.3  # of the logarithm of light, and of heights, below which all is noise
+MIN_SPREAD, MIN_SPREAD_M = 0.05, 0.3  # of the logarithm of light, and of heights, below which all is noise
 LIGHT = (0.25, 0.55, 0.2)  # weights of red, green and blue
 
 
@@ -41,14 +41,14 @@ class CrownTile:
     pixel_from_cell: Floats  # (2, 3): column, row and 1 without the margin to column and row of the picture
 
 
-def cut_tiles(picture: Raster, radius_m: float, sun_deg: float, most: int | None = None) -> Iterator[CrownTile]:
+def cut_tiles(picture: Raster, radius_m: float, sun_deg: float, max_tiles: int | None = None) -> Iterator[CrownTile]:
     """The squares of a picture at the scale of a radius.
 
     Args:
         picture: (H, W, 3) linear colours, NaN where nothing is seen; or (H, W) heights of a canopy, metres.
         radius_m: Of the crowns that are looked for.
         sun_deg: Azimuth of the sun, clockwise from north; any for a canopy.
-        most: So many squares at most, evenly chosen; None for all.
+        max_tiles: So many squares and no more, evenly chosen; None for all.
     """
     sun = np.radians(sun_deg)
     height, width = picture.values.shape[:2]
@@ -61,10 +61,10 @@ def cut_tiles(picture: Raster, radius_m: float, sun_deg: float, most: int | None
     starts = np.array([(column, row) for row in range(0, rows, TILE) for column in range(0, columns, TILE)])
     middles_m = (starts + TILE / 2 + first) * cell_m @ axes.T
     starts = starts[_near(picture, middles_m, TILE * cell_m / np.sqrt(2))]
-    if most is not None and len(starts) > most:
+    if max_tiles is not None and len(starts) > max_tiles:
         inside = is_inside(picture, (starts + TILE / 2 + first) * cell_m @ axes.T)
         starts = starts[inside] if inside.any() else starts
-        starts = starts[np.linspace(0, len(starts) - 1, min(most, len(starts))).astype(int)]
+        starts = starts[np.linspace(0, len(starts) - 1, min(max_tiles, len(starts))).astype(int)]
     mean = _mean_light(picture)
     linear = np.linalg.inv(picture.ground_from_pixel[:, :2])
     for start in starts:
@@ -75,9 +75,9 @@ def cut_tiles(picture: Raster, radius_m: float, sun_deg: float, most: int | None
 
 
 def tile_facts(tile: CrownTile, row: NDArray[np.int64], column: NDArray[np.int64]) -> Singles:
-    """(N, K) what is known of cells (N,) without the margin: light and colour on rings, against what is around.
+    """(K, N) what is known of cells (N,) without the margin: light and colour on rings, against what is around.
 
-    What lies to both sides of the light is alike, and is taken together. Colour is how far along the way from the
+    What lies to both sides of the light is the same, and is taken together. Colour is how far along the way from the
     outside to the inside a place is, whatever the two are.
     """
     count, _height, width = tile.channels.shape
@@ -86,7 +86,8 @@ def tile_facts(tile: CrownTile, row: NDArray[np.int64], column: NDArray[np.int64
     angle = 2 * np.pi * np.arange(ANGLES) / ANGLES
 
     def moved(away: float, turn: float) -> Singles:
-        return flat[:, place + round(away * np.sin(turn)) - width * round(away * np.cos(turn))]
+        moved_by = round(away * np.sin(turn)) - width * round(away * np.cos(turn))
+        return np.take(flat, place + moved_by, axis=1, mode="clip")  # the margin holds all; to clip is faster
 
     middle = moved(0, 0)
     rings, means, uneven = [], [], []
@@ -99,13 +100,13 @@ def tile_facts(tile: CrownTile, row: NDArray[np.int64], column: NDArray[np.int64
     inside = (middle + 2 * means[0] + 3 * means[1]) / 6
     outside = (means[4] + means[5] + means[6]) / 3
     spread = np.sqrt(sum((side[0] - inside[0]) ** 2 for ring in rings for side in ring) / (len(rings) * len(rings[0])))
-    scale = 1 / (spread + (LEAST_SPREAD_M if count == 1 else LEAST_SPREAD))
+    scale = 1 / (spread + (MIN_SPREAD_M if count == 1 else MIN_SPREAD))
     facts = [(middle[0] - inside[0]) * scale, -np.log(scale)]
     for ring, differ in zip(rings, uneven, strict=True):
         facts += [differ * scale, *((side[0] - inside[0]) * scale for side in ring)]
     if count == 1:
         facts += [np.log(np.maximum(inside[0], 0) + 1), outside[0] / (np.maximum(inside[0], 0) + 1)]
-        return np.stack(facts, axis=-1).astype(np.float32)
+        return np.array(facts, np.float32)
     apart = (inside - outside)[1:3]
     distance = np.sqrt(apart[0] ** 2 + apart[1] ** 2)
     across, along = apart / np.maximum(distance, 0.02)
@@ -113,7 +114,7 @@ def tile_facts(tile: CrownTile, row: NDArray[np.int64], column: NDArray[np.int64
     facts += [across * middle[1] + along * middle[2] - level, np.log(distance + 0.02), middle[3] - outside[3]]
     for ring, mean in zip(rings, means, strict=True):
         facts += [mean[3] - outside[3], *(across * side[1] + along * side[2] - level for side in ring)]
-    return np.stack(facts, axis=-1).astype(np.float32)
+    return np.array(facts, np.float32)
 
 
 def _near(raster: Raster, middles_m: Floats, reach_m: float) -> NDArray[np.bool_]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from usdfoliage.forest.colors import crown_colors
+from usdfoliage.forest.colors import are_of_leaves, crown_colors
 from usdfoliage.forest.ground_cover import scatter_blue_noise
 from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.plants_file import PlantRow, PlantsFile
@@ -185,6 +185,11 @@ def _find_trees(given: ForestInput, settings: PlantingSettings, refused: dict[st
         tops = find_tops_of_canopy(given.canopy, settings.tree_tops)
     elif given.orthophoto is not None:
         tops = find_tops_of_photo(given.orthophoto, settings.tree_tops)
+        if len(tops.ground_m):
+            leafy = are_of_leaves(crown_colors(given.orthophoto, tops.ground_m, tops.radius_m))
+            if (~leafy).any():
+                refused["not of the colour of leaves"] = int((~leafy).sum())
+            tops = TreeTops(**{each.name: getattr(tops, each.name)[leafy] for each in fields(tops)})
         if settings.find_classes and given.vegetation is None and len(tops.ground_m):
             rough = are_rough(given.orthophoto, tops.ground_m, tops.radius_m)
             if (~rough).any():

@@ -29,7 +29,6 @@ ROOF_M = 0.12  # a canopy that is so near to a plane is a roof
 ROOF_PX = 5  # side of the square in which it is asked
 FEW = 0.5  # of the crowns that are seen, which have the texture of crowns in a picture that shows it
 HIDDEN_M = 3.0  # radius of a crown at least, that a place without one could hold
-WIDER = 1.5  # radii of a crown, that such a place is wide: what is narrower is a rim, a hedge or a shadow
 SPECK_PX = 3  # side of the median that takes single pixels out of classes
 DARKEST = 1e-4
 
@@ -128,7 +127,7 @@ def find_hidden_trees(classes: VegetationClasses, ground_m: Floats, radius_m: Fl
     """
     left = classes.tree & ~find_covered(classes.grid, classes.tree, ground_m, radius_m)
     typical_m = float(np.median(radius_m)) if len(radius_m) else HIDDEN_M
-    size = 2 * max(1, round(WIDER * max(typical_m, HIDDEN_M) / classes.grid.cell_m)) + 1
+    size = 2 * max(1, round(max(typical_m, HIDDEN_M) / classes.grid.cell_m)) + 1
     return np.asarray(ndimage.binary_opening(left, _disc(size)))
 
 
