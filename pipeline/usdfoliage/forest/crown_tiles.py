@@ -5,7 +5,7 @@ canopy it is a dome. How this lies around a middle, in radii and turned to the s
 M. Rudemo, Optimizing templates for finding trees in aerial photographs, Pattern Recognition Letters 19, 1998.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -95,15 +95,16 @@ def tile_facts(tile: CrownTile, row: NDArray[np.int64], column: NDArray[np.int64
         around = [moved(away, turn) for turn in angle.tolist()]
         pairs = [(around[number], around[-number]) for number in range(1, ANGLES // 2)]
         rings.append([around[0], *(0.5 * (left + right) for left, right in pairs), around[ANGLES // 2]])
-        uneven.append(sum(np.abs(left[0] - right[0]) for left, right in pairs) / ANGLES)
-        means.append(sum(around) / ANGLES)
+        differ = _mean([np.abs(left[0] - right[0]) for left, right in pairs])
+        uneven.append(differ * len(pairs) / ANGLES)
+        means.append(_mean(around))
     inside = (middle + 2 * means[0] + 3 * means[1]) / 6
-    outside = (means[4] + means[5] + means[6]) / 3
-    spread = np.sqrt(sum((side[0] - inside[0]) ** 2 for ring in rings for side in ring) / (len(rings) * len(rings[0])))
+    outside = _mean(means[4:7])
+    spread = np.sqrt(_mean([(side[0] - inside[0]) ** 2 for ring in rings for side in ring]))
     scale = 1 / (spread + (MIN_SPREAD_M if count == 1 else MIN_SPREAD))
     facts = [(middle[0] - inside[0]) * scale, -np.log(scale)]
-    for ring, differ in zip(rings, uneven, strict=True):
-        facts += [differ * scale, *((side[0] - inside[0]) * scale for side in ring)]
+    for ring, asymmetry in zip(rings, uneven, strict=True):
+        facts += [asymmetry * scale, *((side[0] - inside[0]) * scale for side in ring)]
     if count == 1:
         facts += [np.log(np.maximum(inside[0], 0) + 1), outside[0] / (np.maximum(inside[0], 0) + 1)]
         return np.array(facts, np.float32)
@@ -115,6 +116,14 @@ def tile_facts(tile: CrownTile, row: NDArray[np.int64], column: NDArray[np.int64
     for ring, mean in zip(rings, means, strict=True):
         facts += [mean[3] - outside[3], *(across * side[1] + along * side[2] - level for side in ring)]
     return np.array(facts, np.float32)
+
+
+def _mean(planes: Sequence[Singles]) -> Singles:
+    """Of planes of one shape."""
+    total = planes[0].copy()
+    for plane in planes[1:]:
+        total += plane
+    return np.asarray(total / np.float32(len(planes)))
 
 
 def _near(raster: Raster, middles_m: Floats, reach_m: float) -> NDArray[np.bool_]:
@@ -145,10 +154,10 @@ def _cut_tile(picture: Raster, pixel_from_cell: Floats, size: list[int], radius_
     high = np.clip(np.ceil(pixels.max(axis=0)).astype(int) + EDGE_PX, low + 1, limit)
     values = np.asarray(picture.values[low[1] : high[1], low[0] : high[0]], np.float32)
     if values.ndim == 2:
-        known = np.isfinite(values)
+        known = np.asarray(np.isfinite(values))
         channels = np.where(known, values, 0)[..., None]
     else:
-        known = np.isfinite(values).all(axis=-1)
+        known = np.asarray(np.isfinite(values).all(axis=-1))
         channels = _color_channels(np.where(known[..., None], values, mean), mean, picture.cell_m)
     blur = BLUR * radius_m / picture.cell_m
     if blur > 0.3:

@@ -52,9 +52,9 @@ def find_tops_of_canopy(canopy: Raster, settings: TreeTopSettings = TreeTopSetti
         canopy: (H, W) metres above the ground; NaN counts as a hole.
         settings: Which crowns are looked for.
     """
-    filled = replace(canopy, values=fill_canopy(canopy.values))
-    crowns = find_crowns(filled, settings.radius_m)
-    smooth_m = _without_noise(filled.values)
+    height_m = fill_canopy(canopy.values)
+    crowns = find_crowns(replace(canopy, values=height_m), settings.radius_m)
+    smooth_m = _without_noise(height_m)
     row, column = _cells_of(canopy, crowns.ground_m)
     reach_px = np.maximum(crowns.radius_m / 2, canopy.cell_m) / canopy.cell_m
     top_m = _highest_within(smooth_m, row, column, reach_px)
@@ -65,7 +65,7 @@ def find_tops_of_canopy(canopy: Raster, settings: TreeTopSettings = TreeTopSetti
         radius_m=crowns.radius_m[tall],
         strength=crowns.score[tall],
     )
-    return _measure_radii(canopy, filled.values, tops)
+    return _measure_radii(canopy, height_m, tops)
 
 
 def find_tops_of_photo(orthophoto: Raster, settings: TreeTopSettings = TreeTopSettings()) -> TreeTops:
