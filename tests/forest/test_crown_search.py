@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from scipy import ndimage
-from usdfoliage.forest.colors import are_of_leaves
 from usdfoliage.forest.crown_search import crown_radii, find_crowns, find_sun
 from usdfoliage.forest.raster import Raster, pixel_grid
+from usdfoliage.forest.species import are_of_leaves
 
 from tests.support.forests.scene import match
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from usdfoliage.forest.colors import crown_colors
 from usdfoliage.forest.raster import Raster
+from usdfoliage.forest.species import crown_colors
 from usdfoliage.forest.tree_tops import TreeTopSettings, find_tops_of_canopy, find_tops_of_photo
 
 from tests.support.forests.scene import COLORS, forest_scene, match

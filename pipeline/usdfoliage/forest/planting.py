@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from usdfoliage.forest.colors import are_of_leaves, crown_colors
 from usdfoliage.forest.ground_cover import scatter_blue_noise
 from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.plants_file import PlantRow, PlantsFile
 from usdfoliage.forest.raster import Raster, is_inside, pixel_grid, sample_nearest, to_ground, to_pixels
-from usdfoliage.forest.species import SeenTrees, assign_species
+from usdfoliage.forest.species import SeenTrees, are_of_leaves, assign_species, crown_colors
 from usdfoliage.forest.terrain import Terrain, ground_height, is_known, slope_deg
 from usdfoliage.forest.tree_tops import TreeTops, TreeTopSettings, find_tops_of_canopy, find_tops_of_photo
 from usdfoliage.forest.vegetation_classes import (
