@@ -1378,6 +1378,11 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="A raster covers a part of the DEM only. Beyond it nothing is seen.",
                 action="Give a larger raster, or cut the DEM with `gdalwarp -te`.",
             ),
+            "trunks-unread": RemarkKind(
+                severity="warning",
+                meaning="Lines of the file of trunks do not begin with two finite numbers. They are left out.",
+                action="Write easting and northing in the first two columns of each line.",
+            ),
             "plants-left-out": RemarkKind(
                 severity="info",
                 meaning="Plants were seen or drawn, and not planted. The remark names the reason.",

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from usdfoliage.forest.colors import crown_colors, crown_contrast
 from usdfoliage.forest.raster import Raster
+from usdfoliage.forest.species import crown_colors
 from usdfoliage.forest.tree_tops import TreeTopSettings, find_tops_of_canopy, find_tops_of_photo
 
 from tests.support.forests.scene import COLORS, forest_scene, match
@@ -24,19 +24,21 @@ def test_crowns_of_a_canopy_are_found_with_heights_and_radii(noise_m):
     assert np.median(np.abs(tops.radius_m[found] / scene.radius_m[true] - 1)) < 0.12
 
 
-def test_crowns_of_a_photograph_are_found_by_their_colors():
+def test_crowns_of_a_photograph_under_clouds_are_found_with_their_radii():
     scene = forest_scene()
-    tops = find_tops_of_photo(crown_contrast(scene.orthophoto))
+    tops = find_tops_of_photo(scene.orthophoto)
     found, true = match(tops.ground_m, scene.trees_m, 0.5 * scene.radius_m)
     assert len(true) >= 0.9 * len(scene.trees_m)
     assert len(found) >= 0.9 * len(tops.ground_m)
     assert np.isnan(tops.height_m).all()
+    assert np.median(np.abs(tops.radius_m[found] / scene.radius_m[true] - 1)) < 0.2
 
 
 def test_bare_ground_has_no_tree():
     flat = Raster(values=np.zeros((60, 60)), ground_from_pixel=forest_scene().dem.ground_from_pixel)
     assert len(find_tops_of_canopy(flat).ground_m) == 0
-    assert len(find_tops_of_photo(flat).ground_m) == 0
+    grey = Raster(values=np.full((60, 60, 3), 0.2), ground_from_pixel=flat.ground_from_pixel)
+    assert len(find_tops_of_photo(grey).ground_m) == 0
 
 
 def test_the_color_of_a_crown_is_its_species():

@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from usdfoliage.forest.colors import crown_colors, crown_contrast
 from usdfoliage.forest.ground_cover import scatter_blue_noise
 from usdfoliage.forest.kinds import PlantKind
 from usdfoliage.forest.plants_file import PlantRow, PlantsFile
 from usdfoliage.forest.raster import Raster, is_inside, pixel_grid, sample_nearest, to_ground, to_pixels
-from usdfoliage.forest.species import SeenTrees, assign_species
+from usdfoliage.forest.species import SeenTrees, are_of_leaves, assign_species, crown_colors
 from usdfoliage.forest.terrain import Terrain, ground_height, is_known, slope_deg
 from usdfoliage.forest.tree_tops import TreeTops, TreeTopSettings, find_tops_of_canopy, find_tops_of_photo
 from usdfoliage.forest.vegetation_classes import (
@@ -184,7 +183,12 @@ def _find_trees(given: ForestInput, settings: PlantingSettings, refused: dict[st
     elif given.canopy is not None:
         tops = find_tops_of_canopy(given.canopy, settings.tree_tops)
     elif given.orthophoto is not None:
-        tops = find_tops_of_photo(crown_contrast(given.orthophoto), settings.tree_tops)
+        tops = find_tops_of_photo(given.orthophoto, settings.tree_tops)
+        if len(tops.ground_m):
+            leafy = are_of_leaves(crown_colors(given.orthophoto, tops.ground_m, tops.radius_m))
+            if (~leafy).any():
+                refused["not of the colour of leaves"] = int((~leafy).sum())
+            tops = TreeTops(**{each.name: getattr(tops, each.name)[leafy] for each in fields(tops)})
         if settings.find_classes and given.vegetation is None and len(tops.ground_m):
             rough = are_rough(given.orthophoto, tops.ground_m, tops.radius_m)
             if (~rough).any():

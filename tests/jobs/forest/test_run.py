@@ -23,6 +23,7 @@ from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.jobs.forest.inputs import ForestFiles, read_forest, read_trunks
 from usdfoliage.jobs.forest.levels import turn_and_lean
 from usdfoliage.jobs.info import describe_asset, format_info
+from usdfoliage.remarks import Remark
 
 from tests.support.forests.scene import forest_scene, frame, match, write_forest_files, write_raster
 from tests.support.leaves.drawn import drawn_leaf, write_leaf
@@ -328,8 +329,15 @@ def Xform "P"
 
 def test_trunks_are_read_from_any_table_of_numbers(tmp_path):
     with pytest.raises(CaptureError, match="no line of two numbers"):
-        read_trunks(_write(tmp_path / "none.csv", "a,b\n"))
-    trunks = read_trunks(_write(tmp_path / "u.csv", "e,n\n1.5,2.5,oak\n3;4\nnan,1\n"))
+        read_trunks(_write(tmp_path / "none.csv", "a,b\n"), [])
+    remarks: list[Remark] = []
+    trunks = read_trunks(_write(tmp_path / "t.csv", "e,n\n# two trees\n1.5,2.5,oak\n3;4\n\n"), remarks)
+    assert trunks.tolist() == [[1.5, 2.5], [3.0, 4.0]]
+    assert remarks == []
+    trunks = read_trunks(_write(tmp_path / "u.csv", "e,n\n1.5,2.5,oak\n3;4\nnan,1\noak,7,8\n"), remarks)
+    assert [(each.code, "2 lines" in each.text, "line 4" in each.text) for each in remarks] == [
+        ("trunks-unread", True, True)
+    ]
     assert trunks.tolist() == [[1.5, 2.5], [3.0, 4.0]]
 
 

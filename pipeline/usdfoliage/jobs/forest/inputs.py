@@ -91,7 +91,7 @@ def read_forest(files: ForestFiles) -> ReadForest:
         _check_codes(vegetation, plants, files.vegetation)
     trunks_m = None
     if files.trunks is not None:
-        trunks_m = read_trunks(files.trunks) * dem.metres_per_unit
+        trunks_m = read_trunks(files.trunks, remarks) * dem.metres_per_unit
         inside = is_inside(terrain.heights, trunks_m)
         if not inside.any():
             raise CaptureError(
@@ -157,8 +157,12 @@ def _read_dem(files: ForestFiles, remarks: list[Remark]) -> tuple[RasterFile, Fl
     return read_raster(files.dem, "the DEM"), None
 
 
-def read_trunks(path: Path) -> Floats:
-    """(N, 2) easting and northing, of a CSV: two numbers a line, more columns and lines of words are left out.
+def read_trunks(path: Path, remarks: list[Remark]) -> Floats:
+    """(N, 2) easting and northing, of a CSV: two numbers a line, more columns and a first line of names are left out.
+
+    Args:
+        path: The file.
+        remarks: Gets one where other lines have no two numbers.
 
     Raises:
         CaptureError: It cannot be read, or has no such line.
@@ -169,17 +173,22 @@ def read_trunks(path: Path) -> Floats:
         raise CaptureError(f"the trunks {path} cannot be read: {error.strerror}", "name a CSV file") from error
     if len(data) > MAX_TRUNK_BYTES:
         raise CaptureError(f"the trunks {path} have more than {MAX_TRUNK_BYTES:,} bytes", "name a CSV of trunks")
-    places = []
-    for line in data.decode("utf-8", "replace").splitlines():
+    places, unread = [], []
+    for number, line in enumerate(data.decode("utf-8", "replace").splitlines(), 1):
         words = line.replace(";", ",").replace(",", " ").split()
         try:
             place = [float(word) for word in words[:2]]
         except ValueError:
-            continue
+            place = []
         if len(place) == 2 and np.isfinite(place).all():
             places.append(place)
+        elif words and not words[0].startswith("#") and number > 1:
+            unread.append(number)
     if not places:
         raise CaptureError(f"the trunks {path} have no line of two numbers", "write easting,northing a line")
+    if unread:
+        text = f"{len(unread):,} lines of {path.name} have no two finite numbers; the first is line {unread[0]}"
+        remarks.append(remark("trunks-unread", text, subject=path.name))
     return np.array(places, np.float64)
 
 
