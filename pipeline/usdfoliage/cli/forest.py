@@ -206,8 +206,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         type=int,
         default=ShotSettings.max_full,
-        help="So many of the nearest plants are drawn whole, with their branches and leaves, while they are near; the "
-        "default is %(default)s.",
+        help="So many of the plants that the camera comes nearest to are drawn whole, with their branches and leaves, "
+        "in the whole shot; the default is %(default)s.",
     )
     shots.add_argument(
         "--no-grass",

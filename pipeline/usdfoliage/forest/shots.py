@@ -2,7 +2,7 @@
 
 A plant changes its form where the camera comes within a distance of its own, and back again a little farther away: no
 two neighbours change together, and none changes forth and back where the camera lingers. What no frame sees is not
-drawn at all.
+drawn at all. The plants that the camera comes nearest to are full in all frames, since such a change would be seen.
 
 Source:
     The thesis on semi-procedural landscapes, section 6.3; switches per shot instead of per frame drawn: ours.
@@ -14,8 +14,6 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
-
-_STEPS = 2  # forms that a plant can pass in one frame, where the camera jumps
 
 
 class ShotForm(IntEnum):
@@ -52,8 +50,8 @@ class ShotSettings:
     lod_distance_m: tuple[float, float] = (100.0, 200.0)  # between which each changes from its near to its far form
     hysteresis: float = 0.05  # of its distance, by which a plant must be nearer or farther to change
     margin: float = 0.1  # of the picture's width and height, beyond its edges, where plants are kept
-    max_full: int = 20  # the nearest, which are full plants while they are near
-    full_share: float = 0.5  # of the nearer distance, within which these are full
+    max_full: int = 20  # the nearest, which are full plants in the whole shot
+    full_share: float = 0.5  # of the nearer distance, within which the camera must come to them
 
     def __post_init__(self) -> None:
         near_m, far_m = self.lod_distance_m
@@ -126,24 +124,29 @@ def plan_shot(
         away_m = np.linalg.norm(center_m[inside] - path.eye_m[number], axis=1)
         nearest_m[inside] = np.minimum(nearest_m[inside], away_m)
     near_m, far_m = settings.lod_distance_m
-    limit_m = np.stack([np.zeros(len(center_m)), near_m + jitter * (far_m - near_m)])  # of FULL, and of NEAR
+    limit_m = near_m + jitter * (far_m - near_m)
     full_m = settings.full_share * near_m * (0.5 + 0.5 * jitter)
     candidates = np.flatnonzero(seen & may_be_full & (nearest_m < full_m))
     promoted = candidates[np.argsort(nearest_m[candidates], kind="stable")[: settings.max_full]]
-    limit_m[0, promoted] = full_m[promoted]
+    changes = seen.copy()
+    changes[promoted] = False
     switches = []
-    forms = first = np.zeros(0, np.int8)
+    near = first_near = np.zeros(0, bool)
     for number in range(len(path.frame)):
         away_m = np.linalg.norm(center_m - path.eye_m[number], axis=1)
         if number == 0:
-            forms = (away_m >= limit_m).sum(axis=0).astype(np.int8)
-            first = forms.copy()
+            near = first_near = away_m < limit_m
             continue
-        changed = _changed(forms, away_m, limit_m, settings.hysteresis)
-        plants = np.flatnonzero((changed != forms) & seen)
-        forms = changed
+        # Farther than its distance a near plant stays near for a little, and a far one far within it.
+        kept = np.where(near, 1 + settings.hysteresis, 1 - settings.hysteresis)
+        now = np.where(near, away_m <= limit_m * kept, away_m < limit_m * kept)
+        plants = np.flatnonzero((now != near) & changes)
+        near = now
         if len(plants):
-            switches.append(Switch(frame=float(path.frame[number]), plant=plants, form=forms[plants]))
+            forms = np.where(near[plants], ShotForm.NEAR, ShotForm.FAR).astype(np.int8)
+            switches.append(Switch(frame=float(path.frame[number]), plant=plants, form=forms))
+    first = np.where(first_near, ShotForm.NEAR, ShotForm.FAR).astype(np.int8)
+    first[promoted] = ShotForm.FULL
     return ShotPlan(seen=seen, first=first, switches=switches, frames=(float(path.frame[0]), float(path.frame[-1])))
 
 
@@ -167,17 +170,3 @@ def is_in_view(
     for across, edge in ((x, right + aside), (-x, aside - left), (y, top + above), (-y, above - bottom)):
         inside &= (across + edge * z) / np.hypot(1.0, edge) < reach_m
     return inside
-
-
-def _changed(
-    forms: NDArray[np.int8], away_m: NDArray[np.float64], limit_m: NDArray[np.float64], hysteresis: float
-) -> NDArray[np.int8]:
-    """(N,) forms at a frame, from those at the frame before it."""
-    changed = forms.copy()
-    for _ in range(_STEPS):
-        outer_m = limit_m[np.minimum(changed, len(limit_m) - 1), np.arange(len(changed))]
-        inner_m = limit_m[np.maximum(changed - 1, 0), np.arange(len(changed))]
-        farther = (changed < len(limit_m)) & (away_m > outer_m * (1 + hysteresis))
-        nearer = (changed > 0) & (away_m < inner_m * (1 - hysteresis))
-        changed = changed + farther.astype(np.int8) - (nearer & ~farther).astype(np.int8)
-    return changed
