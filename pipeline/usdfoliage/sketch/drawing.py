@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from usdfoliage.geometry.lines import arc_lengths, points_at
+
 SHIFT = 4  # bits of a pixel's fraction, of the points of fixed_points
 _PLACES = 400  # along an outline that is evened out
 
@@ -24,17 +26,6 @@ def draw_lines(lines: Sequence[Floats], shape: tuple[int, ...], width: int) -> N
     for line in lines:
         cv2.polylines(drawn, [fixed_points(line)], False, 1, width, shift=SHIFT)
     return drawn > 0
-
-
-def arc_lengths(line: Floats) -> Floats:
-    """(K,) way to each point of a line (K, 2 or 3) from its first one."""
-    return np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-
-
-def points_at(line: Floats, arc: Floats) -> Floats:
-    """(N, D) the points of a line (K, D) after so much of its way (N,)."""
-    own = arc_lengths(line)
-    return np.stack([np.interp(arc, own, line[:, k]) for k in range(line.shape[1])], axis=-1)
 
 
 def even_out(outline: Floats, reach_px: float) -> Floats:

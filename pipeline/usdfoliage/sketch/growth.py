@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdfoliage.geometry.directions import unit_vectors
+from usdfoliage.geometry.lines import arc_lengths
 from usdfoliage.progress import Progress
 from usdfoliage.sketch.axes import Axis, sample_axis
 from usdfoliage.sketch.bounds import CrownBounds
-from usdfoliage.sketch.drawing import arc_lengths
 from usdfoliage.sketch.subtrees import Subtree, place_subtree
 
 Floats = NDArray[np.float64]

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usdfoliage.geometry.lines import arc_lengths
 from usdfoliage.sketch.axes import Axis, sample_axis
 from usdfoliage.sketch.bounds import CrownBounds
-from usdfoliage.sketch.drawing import arc_lengths
 from usdfoliage.sketch.tracing import TracedTree
 
 Floats = NDArray[np.float64]

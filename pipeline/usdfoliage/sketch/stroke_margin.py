@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.sketch.drawing import arc_lengths, points_at
+from usdfoliage.geometry.lines import arc_lengths, points_at
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from usdfoliage.errors import CaptureError
 from usdfoliage.files.atomic import whole_file
 from usdfoliage.files.json import read_json
+from usdfoliage.geometry.lines import arc_lengths, points_at
 from usdfoliage.sketch.choices import SketchChoices, parse_choices
-from usdfoliage.sketch.drawing import arc_lengths, points_at
 from usdfoliage.sketch.foliage import fill_outline
 
 SUFFIX = ".strokes.json"  # after the photograph's name

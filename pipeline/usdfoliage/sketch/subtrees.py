@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from usdfoliage.branch.foliage.species import Species
 from usdfoliage.geometry.directions import unit_vectors
+from usdfoliage.geometry.lines import arc_lengths, points_at
 from usdfoliage.sketch.axes import Axis
-from usdfoliage.sketch.drawing import arc_lengths, points_at
 
 Floats = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import isotonic_regression
 
+from usdfoliage.geometry.lines import arc_lengths
 from usdfoliage.sketch.axes import Axis
-from usdfoliage.sketch.drawing import arc_lengths
 
 Floats = NDArray[np.float64]
 

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from usdfoliage.sketch.drawing import SHIFT, arc_lengths, dilate, draw_lines, fixed_points, points_at
+from usdfoliage.geometry.lines import arc_lengths, points_at
+from usdfoliage.sketch.drawing import SHIFT, dilate, draw_lines, fixed_points
 from usdfoliage.sketch.foliage import Foliage, fill_outline
 from usdfoliage.sketch.mixtures import Mixture, fit_mixture, log_density
 from usdfoliage.sketch.strokes import TreeStrokes

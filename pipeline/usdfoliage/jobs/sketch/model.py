@@ -16,6 +16,7 @@ from usdfoliage.branch.foliage.species import GENERIC, Species, load_species
 from usdfoliage.crown.model import CrownModel
 from usdfoliage.errors import FitError
 from usdfoliage.geometry.color import decode_srgb, encode_srgb
+from usdfoliage.geometry.lines import arc_lengths, points_at
 from usdfoliage.jobs.branches.foliage import GrownLeaves
 from usdfoliage.jobs.branches.motion import BranchMotion, grow_near_leaves, rig_branches, rig_near_leaves
 from usdfoliage.jobs.branches.surfaces import MIN_MAX_FACES, build_surfaces
@@ -25,7 +26,6 @@ from usdfoliage.jobs.sketch.leaves import SketchLeaves, grow_sketch_leaves
 from usdfoliage.progress import StepProgress, follow_step
 from usdfoliage.remarks import Remark, remark
 from usdfoliage.sketch.choices import SketchChoices
-from usdfoliage.sketch.drawing import arc_lengths, points_at
 from usdfoliage.sketch.foliage import Foliage
 from usdfoliage.sketch.growth import Watch
 from usdfoliage.sketch.reconstruct import SketchedTree, SketchSettings, sketch_tree

@@ -1,0 +1,1 @@
+"""Leaves of several lobes, from one picture: silhouette, skeleton, railroad ties, and their deformation."""
