@@ -1,17 +1,13 @@
-"""Pictures as files: whether a file is one, which numbers it holds, its copy in an asset, and one of texels."""
+"""Pictures as files: whether a file is one, which numbers it holds, and its copy in an asset."""
 
 from pathlib import Path
 
-import cv2
-import numpy as np
 import OpenImageIO as oiio
-from numpy.typing import NDArray
 
 from usdfoliage.errors import AssetError
-from usdfoliage.files.atomic import copy_whole, whole_file
+from usdfoliage.files.atomic import copy_whole
 from usdfoliage.files.library_text import library_text
 from usdfoliage.files.reading import open_regular, reason_of, why_irregular
-from usdfoliage.geometry.color import encode_srgb
 
 _NO_PICTURES = frozenset(("ffmpeg", "null"))  # of OpenImageIO: videos, and any file of that suffix
 
@@ -60,19 +56,3 @@ def copy_picture(source: Path, target: Path) -> None:
     if reason:
         raise AssetError(f"{source} is no picture, and is not copied into the asset ({reason})", "name a picture")
     copy_whole(source, target)
-
-
-def write_texels(path: Path, texels: NDArray[np.floating]) -> None:
-    """Write a PNG of sRGB numbers, and opacity, from linear texels (H, W, 3 or 4), not multiplied by it, 0 to 1.
-
-    Raises:
-        AssetError: It cannot be encoded.
-        WriteError: It cannot be written.
-    """
-    numbers = np.dstack([encode_srgb(np.asarray(texels[..., 2::-1], np.float32)), texels[..., 3:]])
-    pixels = np.rint(255 * np.clip(numbers, 0, 1)).astype(np.uint8)
-    good, encoded = cv2.imencode(".png", np.ascontiguousarray(pixels))
-    if not good:
-        raise AssetError(f"the picture {path.name} could not be encoded")
-    with whole_file(path) as new:
-        new.write_bytes(encoded.tobytes())

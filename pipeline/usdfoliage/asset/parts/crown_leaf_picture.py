@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.asset.materials.picture import write_texels
+from usdfoliage.asset.materials.texels import write_texels
 from usdfoliage.crown.leaf_picture import LeafPicture
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from usdfoliage import __version__
 from usdfoliage.asset.asset_record import AssetOrigin
-from usdfoliage.asset.materials.picture import write_texels
+from usdfoliage.asset.materials.texels import write_texels
 from usdfoliage.asset.packages.cards import DrawPictures
 from usdfoliage.asset.packages.plant_package import PlantAssetSettings, write_plant_asset
 from usdfoliage.asset.parts.leaf_part import BranchLeaves
