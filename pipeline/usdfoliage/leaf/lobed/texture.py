@@ -1,0 +1,41 @@
+"""The texture of a lobed leaf: its whole picture, transparent beside the leaf.
+
+Source:
+    L. Mündermann et al., Modeling lobed leaves, section 3.4. That colours go on beside the leaf is our own.
+"""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+LONGEST_PX = 4096  # of a texture; a larger picture is shrunk
+_EDGE_PX = 1.5  # within the leaf, where pixels show what was behind it too
+
+
+def build_texture(
+    linear: NDArray[np.float32], mask: NDArray[np.bool_], longest_px: int = LONGEST_PX
+) -> NDArray[np.float32]:
+    """(h, w, 4) linear colours, not multiplied by opacity, and opacity, of a picture (H, W, 3) and a mask (H, W).
+
+    Beside the leaf each pixel has the colour of the nearest one well within it, so that no filter of a renderer brings
+    the background into its edge.
+    """
+    height, width = mask.shape
+    scale = min(1.0, longest_px / max(height, width))
+    opacity = mask.astype(np.float32)
+    if scale < 1:
+        size = (max(1, round(width * scale)), max(1, round(height * scale)))
+        weight = cv2.resize(opacity, size, interpolation=cv2.INTER_AREA)
+        inside = cv2.resize(linear * opacity[..., None], size, interpolation=cv2.INTER_AREA)
+        linear = (inside / np.maximum(weight, 1e-6)[..., None]).astype(np.float32)
+        opacity = weight
+    within = opacity >= 0.5
+    deep = np.asarray(distance_transform_edt(within)) > _EDGE_PX
+    if not deep.any():
+        deep = within
+    nearest = distance_transform_edt(~deep, return_distances=False, return_indices=True)
+    texture = np.empty((*opacity.shape, 4), np.float32)
+    texture[..., :3] = linear[nearest[0], nearest[1]]
+    texture[..., 3] = opacity
+    return texture
