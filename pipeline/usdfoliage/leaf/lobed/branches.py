@@ -16,7 +16,7 @@ from usdfoliage.leaf.lobed.ties import Ties
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_DIRECTION = 0.2  # at a fork: towards what is so far along the skeleton, as a part of the longest way from the base
+_DIRECTION = 0.3  # at a fork: towards what is so far along the skeleton, as a part of the longest way from the base
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,12 +102,8 @@ def build_branches(ties: Ties) -> LobedShape:
                 branches.append(branch)
                 behind.append(node)
             others = [other for other in at[int(passed[-1])] if other != number]
-            score = {
-                other: _straightness(ties.nodes[behind], ties.nodes[_longest(outward, at, reach, other)], far) ** 2
-                * reach[other]
-                for other in others
-            }
-            number = max(others, key=lambda other: score[other], default=None)
+            scores = {other: _score(ties.nodes, behind, _ways(outward, at, other), far) for other in others}
+            number = max(others, key=lambda other: scores[other], default=None)
             waiting.extend(other for other in others if other != number)
         branch += 1
 
@@ -142,13 +138,22 @@ def _outward(ties: Ties, at: list[list[int]]) -> dict[int, Ints]:
     return found
 
 
-def _longest(outward: dict[int, Ints], at: list[list[int]], reach: dict[int, float], number: int) -> Ints:
-    """The nodes of a limb, and of the longest way that goes on from it."""
-    nodes = [outward[number]]
-    while others := [other for other in at[int(outward[number][-1])] if other != number]:
-        number = max(others, key=lambda other: reach[other])
-        nodes.append(outward[number][1:])
-    return np.concatenate(nodes)
+def _ways(outward: dict[int, Ints], at: list[list[int]], number: int) -> list[Ints]:
+    """The nodes of each way that begins with a limb and ends in a tip."""
+    found, waiting = [], [(number, [outward[number]])]
+    while waiting:
+        number, way = waiting.pop()
+        others = [other for other in at[int(outward[number][-1])] if other != number]
+        if not others:
+            found.append(np.concatenate(way))
+        waiting += [(other, [*way, outward[other][1:]]) for other in others]
+    return found
+
+
+def _score(nodes: Floats, behind: list[int], ways: list[Ints], far: float) -> float:
+    """How straight and long the best of several ways is that go on from a branch."""
+    lines = [nodes[way] for way in ways]
+    return max(_straightness(nodes[behind], line, far) ** 2 * float(arc_lengths(line)[-1]) for line in lines)
 
 
 def _straightness(came: Floats, goes: Floats, far: float) -> float:
