@@ -35,41 +35,49 @@ class LobedLeaf:
         return deform_leaves(self.shape, [self.functions])[0]
 
 
-def measure_leaf(flat: FlatLobedLeaf) -> tuple[float, float]:
-    """Width and height of a leaf as it lay in its picture, in pixels."""
-    width, height = np.ptp(flat.ties.places(), axis=0).tolist()
-    return width, height
+@dataclass(frozen=True, kw_only=True)
+class PictureCrop:
+    """The part of a picture in which a leaf was modelled."""
+
+    left_px: float = 0.0  # of the picture
+    top_px: float = 0.0
+    pixel: float = 1.0  # pixels of the picture across one of the part
 
 
-def place_leaf(flat: FlatLobedLeaf, picture_px: tuple[int, int], metres_per_px: float) -> LobedLeaf:
+def place_leaf(
+    flat: FlatLobedLeaf, picture_px: tuple[int, int], metres_per_px: float, crop: PictureCrop = PictureCrop()
+) -> LobedLeaf:
     """A leaf of a picture in metres.
 
     Args:
-        flat: In pixels.
+        flat: In pixels of the crop.
         picture_px: Width and height of the whole picture.
-        metres_per_px: Above 0.
+        metres_per_px: Of the picture, above 0.
+        crop: Where the leaf was modelled; the whole picture by default.
 
     Raises:
         ValueError: The skeleton is no tree, or a size is not above 0.
     """
     if not (np.isfinite(metres_per_px) and metres_per_px > 0 and min(picture_px) > 0):
         raise ValueError(f"pixels of {metres_per_px} m in a picture of {picture_px} cannot be")
-    in_px = build_branches(flat.ties)
-    base = in_px.nodes[0]
-    control = flat.silhouette.control_px
+    shape = build_branches(flat.ties)
+    corner = np.array([crop.left_px, -crop.top_px])  # y goes up
+    nodes, feet = corner + crop.pixel * shape.nodes, corner + crop.pixel * shape.feet
+    base = nodes[0]
+    control = corner + crop.pixel * flat.silhouette.control_px
     first = int(np.argmin(((control - base) ** 2).sum(axis=1)))
-    places = in_px.places
+    places = np.concatenate([nodes, feet])
     matrix = np.diag([metres_per_px, -metres_per_px, metres_per_px, 1.0])
     matrix[:2, 3] = -base * metres_per_px
     return LobedLeaf(
         silhouette_m=(np.roll(control, -first, axis=0) - base) * metres_per_px,
         shape=LobedShape(
-            nodes=(in_px.nodes - base) * metres_per_px,
-            parents=in_px.parents,
-            branches=in_px.branches,
-            tie_nodes=in_px.tie_nodes,
-            feet=(in_px.feet - base) * metres_per_px,
-            faces=in_px.faces,
+            nodes=(nodes - base) * metres_per_px,
+            parents=shape.parents,
+            branches=shape.branches,
+            tie_nodes=shape.tie_nodes,
+            feet=(feet - base) * metres_per_px,
+            faces=shape.faces,
         ),
         st=np.column_stack([places[:, 0] / picture_px[0], 1 + places[:, 1] / picture_px[1]]),
         asset_from_picture=matrix,

@@ -11,6 +11,7 @@ from scipy.ndimage import distance_transform_edt
 
 LONGEST_PX = 4096  # of a texture; a larger picture is shrunk
 _EDGE_PX = 1.5  # within the leaf, where pixels show what was behind it too
+_BESIDE_PX = 32  # around the leaf, where colours go on; farther off there is one colour, which a file holds in little
 
 
 def build_texture(
@@ -20,7 +21,12 @@ def build_texture(
 
     Beside the leaf each pixel has the colour of the nearest one well within it, so that no filter of a renderer brings
     the background into its edge.
+
+    Raises:
+        ValueError: The mask is empty.
     """
+    if not mask.any():
+        raise ValueError("the mask is empty")
     height, width = mask.shape
     scale = min(1.0, longest_px / max(height, width))
     opacity = mask.astype(np.float32)
@@ -34,8 +40,9 @@ def build_texture(
     deep = np.asarray(distance_transform_edt(within)) > _EDGE_PX
     if not deep.any():
         deep = within
-    nearest = distance_transform_edt(~deep, return_distances=False, return_indices=True)
+    away, nearest = distance_transform_edt(~deep, return_indices=True)
     texture = np.empty((*opacity.shape, 4), np.float32)
     texture[..., :3] = linear[nearest[0], nearest[1]]
+    texture[away > _BESIDE_PX, :3] = linear[deep].mean(axis=0)
     texture[..., 3] = opacity
     return texture
