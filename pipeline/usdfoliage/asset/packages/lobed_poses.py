@@ -8,7 +8,6 @@ import numpy as np
 from pxr import Gf, Sdf, UsdGeom, Vt
 
 from usdfoliage.asset.layer import export_layer, new_layer
-from usdfoliage.asset.parts.leaf_gprims import outward_corners
 from usdfoliage.asset.parts.terrain import vertex_normals
 from usdfoliage.asset.plant import LEAVES
 from usdfoliage.leaf.lobed.deformation import BranchFunctions
@@ -34,23 +33,22 @@ def write_poses(
         leaf: Which the asset has.
         poses: Functions of each copy.
         columns: Copies in a row.
-        flat_too: Whether the first copy is the leaf as the asset has it.
 
     Raises:
         WriteError: The layer cannot be written.
     """
     stage = new_layer(path, "poses")
-    functions = [leaf.functions, *poses] if flat_too else list(poses)
-    bent = [replace(leaf, functions=each).points_m() for each in functions]
+    bent = [replace(leaf, functions=each).points_m() for each in poses]
     step_m = _ROOM * np.max([np.ptp(points_m[:, :2], axis=0) for points_m in bent], axis=0)
     for number, points_m in enumerate(bent):
         row, column = divmod(number, columns)
         copy = UsdGeom.Xform.Define(stage, Sdf.Path(f"/poses/pose_{number + 1}"))
         copy.GetPrim().GetReferences().AddReference(str(interface))
-        middle_m = points_m.mean(axis=0)
+        middle_m = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
         copy.AddTranslateOp().Set(Gf.Vec3d(*(np.array([column, -row, 0]) * [*step_m, 0] - middle_m).tolist()))
         mesh = UsdGeom.Mesh(stage.OverridePrim(copy.GetPath().AppendPath(LEAVES)))
-        mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points_m.astype(np.float32)))
+        points = Vt.Vec3fArray.FromNumpy(points_m.astype(np.float32))
+        mesh.CreatePointsAttr(points)
         mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(vertex_normals(points_m, leaf.shape.faces).astype(np.float32)))
-        mesh.CreateExtentAttr(outward_corners(np.stack([points_m.min(axis=0), points_m.max(axis=0)])))
+        mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
     export_layer(stage, path)

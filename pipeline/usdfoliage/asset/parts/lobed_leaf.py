@@ -12,7 +12,7 @@ from usdfoliage.asset.layer import author_scopes, bind_material, export_layer, n
 from usdfoliage.asset.materials.layer import LEAF_MATERIAL, copy_shaders
 from usdfoliage.asset.materials.leaf import LEAF_COLOR, LEAF_SHADERS, LeafMaterial, author_leaf_material
 from usdfoliage.asset.materials.picture import write_texels
-from usdfoliage.asset.parts.leaf_gprims import author_leaf_gprim, author_st, outward_corners
+from usdfoliage.asset.parts.leaf_gprims import author_leaf_gprim, author_st
 from usdfoliage.asset.parts.part import MAPS, SHADERS, AssetPlace, Box, Part
 from usdfoliage.asset.parts.terrain import vertex_normals
 from usdfoliage.asset.plant import LEAVES, TO_LEAVES
@@ -52,10 +52,11 @@ def author_lobed_leaf(stage: Usd.Stage, path: Sdf.Path, leaf: LobedLeaf, *, subd
     mesh.GetPrim().SetDocumentation(_DOCUMENTATION)
     faces = leaf.shape.faces.astype(np.int32)
     points_m = leaf.points_m()
-    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points_m.astype(np.float32)))
+    points = Vt.Vec3fArray.FromNumpy(points_m.astype(np.float32))
+    mesh.CreatePointsAttr(points)
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(faces), 4, np.int32)))
     mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(faces.ravel()))
-    mesh.CreateExtentAttr(outward_corners(_box_of(points_m)))
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
     if subdivision:
         midrib = np.flatnonzero(leaf.shape.branches == 0).astype(np.int32)
         mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.catmullClark)

@@ -13,6 +13,8 @@ from usdfoliage.remarks import Argument
 _BORDER = 0.02  # of the shorter side: the frame whose colour is that of the background
 _CONTRAST = 0.08  # of white, in the mean, by which a leaf differs from the background
 _COVER = (0.002, 0.98)  # share of the picture that leaves cover
+_GRAIN = 5  # pixels across: what is smaller is grain of the picture
+_WHOLE = 0.01  # share of what stands out that its largest piece has; of grain no piece has so much
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,12 +92,14 @@ def threshold_leaf(linear: NDArray[np.float32]) -> NDArray[np.bool_]:
     framed[width : width + inner.shape[0], width : width + inner.shape[1]] = False
     background = np.median(encoded[framed], axis=0)
     away = np.linalg.norm(encoded - background, axis=2) / np.sqrt(3)
-    levels = np.rint(255 * np.clip(away, 0, 1)).astype(np.uint8)
+    levels = cv2.medianBlur(np.rint(255 * np.clip(away, 0, 1)).astype(np.uint8), _GRAIN)
     threshold, _ = cv2.threshold(levels, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     mask = levels > threshold
     cover = float(mask.mean())
     contrast = float(away[mask].mean() - away[~mask].mean()) if 0 < cover < 1 else 0.0
-    if contrast < _CONTRAST or not _COVER[0] <= cover <= _COVER[1]:
+    areas = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)[2][1:, cv2.CC_STAT_AREA]
+    is_whole = len(areas) > 0 and areas.max() >= _WHOLE * areas.sum()
+    if contrast < _CONTRAST or not is_whole or not _COVER[0] <= cover <= _COVER[1]:
         raise CaptureError(
             f"no leaf stands out from the background: {cover:.1%} of the picture differ from its frame, by "
             f"{contrast:.1%} of white in the mean, where {_CONTRAST:.0%} are needed",

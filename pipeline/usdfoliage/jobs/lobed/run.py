@@ -201,7 +201,7 @@ def _draw(interface: Path, folder: Path, leaf: ModelledLeaf) -> Sequence[ReportV
     with temporary_folder("poses", PreviewError) as scratch:
         layer = scratch / "poses.usda"
         write_poses(layer, interface.resolve(), leaf.leaf, [functions for _, functions in poses], columns=_COLUMNS)
-        view = PreviewView(output=folder / POSES, direction="three-quarter")
+        view = PreviewView(output=folder / POSES, direction="three-quarter", orthographic=True)
         render_views(layer, [view], PreviewSettings(width_px=1280, height_px=960))
     names = "; ".join(name for name, _ in poses)
     return (

@@ -91,20 +91,20 @@ def build_branches(ties: Ties) -> LobedShape:
     waiting = deque(at[ties.base])
     branch = 0
     while waiting:
-        number: int | None = waiting.popleft()
-        behind = [int(outward[number][0])]  # nodes of the branch until now
-        while number is not None:
-            passed = outward[number]
+        limb: int | None = waiting.popleft()
+        behind = [int(outward[limb][0])]  # nodes of the branch until now
+        while limb is not None:
+            passed = outward[limb]
             for before, node in zip(passed[:-1].tolist(), passed[1:].tolist(), strict=True):
                 index[node] = len(order)
                 order.append(node)
                 parents.append(index[before])
                 branches.append(branch)
                 behind.append(node)
-            others = [other for other in at[int(passed[-1])] if other != number]
+            others = [other for other in at[int(passed[-1])] if other != limb]
             scores = {other: _score(ties.nodes, behind, _ways(outward, at, other), far) for other in others}
-            number = max(others, key=lambda other: scores[other], default=None)
-            waiting.extend(other for other in others if other != number)
+            limb = max(others, key=scores.__getitem__) if others else None
+            waiting.extend(other for other in others if other != limb)
         branch += 1
 
     new = np.empty(len(ties.nodes), np.int64)

@@ -72,13 +72,18 @@ def place_leaf(
     return LobedLeaf(
         silhouette_m=(np.roll(control, -first, axis=0) - base) * metres_per_px,
         shape=LobedShape(
-            nodes=(nodes - base) * metres_per_px,
+            nodes=_stored((nodes - base) * metres_per_px),
             parents=shape.parents,
             branches=shape.branches,
             tie_nodes=shape.tie_nodes,
-            feet=(feet - base) * metres_per_px,
+            feet=_stored((feet - base) * metres_per_px),
             faces=shape.faces,
         ),
         st=np.column_stack([places[:, 0] / picture_px[0], 1 + places[:, 1] / picture_px[1]]),
         asset_from_picture=matrix,
     )
+
+
+def _stored(places: Floats) -> Floats:
+    """Places as a file has them: a reader then finds the headings that turns are counted from, to the last digit."""
+    return places.astype(np.float32).astype(np.float64)
