@@ -1135,7 +1135,7 @@ SECTIONS: tuple[RemarkSection, ...] = (
             ),
             "lobed-size-assumed": RemarkKind(
                 severity="warning",
-                meaning="The scale of the scan is not known. The leaf has a usual height.",
+                meaning="The scale of the scan is not known. The leaf is given a height of 0.1 m.",
                 action="Give the pixels an inch of the scan, or the width or the height of the leaf.",
             ),
             "lobed-at-border": RemarkKind(

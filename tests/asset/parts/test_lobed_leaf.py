@@ -1,4 +1,4 @@
-"""A lobed leaf as a Mesh: what its numbers say is what its points are."""
+"""A lobed leaf as a Mesh: its points follow from its numbers."""
 
 from dataclasses import replace
 

@@ -84,7 +84,7 @@ def test_a_dry_run_writes_nothing(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_scan_without_mask_and_scale_says_what_it_took(tmp_path, capsys):
+def test_a_scan_without_mask_and_scale_is_remarked_on(tmp_path, capsys):
     scan, _ = write_scan(tmp_path, lobed_mask((90,)))
     assert run(scan, "-o", tmp_path / "out", "--no-preview", "--json") == 0
     made = json.loads(capsys.readouterr().out)

@@ -87,6 +87,6 @@ def _prepare(linear: NDArray[np.float32], leaf: ModelledLeaf) -> _Canvas:
     scale = PICTURE_PX / max(right - left, bottom - top)
     size = (max(1, round((right - left) * scale)), max(1, round((bottom - top) * scale)))
     part = np.clip(encode_srgb(linear[top:bottom, left:right]), 0, 1).astype(np.float32)
-    way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-    picture = np.rint(255 * np.clip(cv2.resize(part, size, interpolation=way), 0, 1)).astype(np.uint8)
+    method = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    picture = np.rint(255 * np.clip(cv2.resize(part, size, interpolation=method), 0, 1)).astype(np.uint8)
     return _Canvas(picture=np.ascontiguousarray(picture), corner_px=np.array([left, top], float), scale=scale)

@@ -23,11 +23,11 @@ class PieceSettings:
 
     smallest: float = 0.02  # of the area of the largest piece; smaller ones are dust
     min_px: int = 400  # of a leaf
-    most: int = 99  # leaves of one scan
+    max_leaves: int = 99  # leaves of one scan
 
     def __post_init__(self) -> None:
-        if not (0 < self.smallest < 1 and self.min_px >= 1 and 1 <= self.most <= 99):
-            raise ValueError("smallest must be between 0 and 1, min_px at least 1, most 1 to 99")
+        if not (0 < self.smallest < 1 and self.min_px >= 1 and 1 <= self.max_leaves <= 99):
+            raise ValueError("smallest must be between 0 and 1, min_px at least 1, max_leaves 1 to 99")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,9 +65,9 @@ def split_pieces(mask: NDArray[np.bool_], settings: PieceSettings = PieceSetting
             "scan the leaf at a higher resolution, or correct the mask",
         )
     leaves = 1 + np.flatnonzero((areas >= settings.smallest * largest) & (areas >= settings.min_px))
-    if len(leaves) > settings.most:
+    if len(leaves) > settings.max_leaves:
         raise CaptureError(
-            f"the mask has {len(leaves)} pieces, and at most {settings.most} leaves are taken from one scan",
+            f"the mask has {len(leaves)} pieces, and at most {settings.max_leaves} leaves are taken from one scan",
             "cut the scan into several, or correct the mask",
         )
     leaves = leaves[np.lexsort((measures[leaves, cv2.CC_STAT_TOP], measures[leaves, cv2.CC_STAT_LEFT]))]

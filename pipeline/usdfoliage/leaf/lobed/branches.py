@@ -16,7 +16,7 @@ from usdfoliage.leaf.lobed.ties import Ties
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_DIRECTION = 0.3  # at a fork: towards what is so far along the skeleton, as a part of the longest way from the base
+_DIRECTION = 0.3  # at a fork: towards what is so far along the skeleton, as a part of the longest route from the base
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,11 +52,11 @@ class LobedShape:
     def spans(self) -> Floats:
         """(N, 2) the parts of its branch's length at which the step to a node begins and ends; 0, 0 for the base."""
         length = np.concatenate([[0.0], np.linalg.norm(self.nodes[1:] - self.nodes[self.parents[1:]], axis=1)])
-        way = np.cumsum(length)
+        route = np.cumsum(length)
         first = self.branch_starts()
-        before = np.concatenate([[0.0], way[first[1:] - 1]])[self.branches]
+        before = np.concatenate([[0.0], route[first[1:] - 1]])[self.branches]
         whole = np.maximum(np.add.reduceat(length, first), np.finfo(np.float64).tiny)[self.branches]
-        return np.clip(np.column_stack([way - length - before, way - before]) / whole[:, None], 0, 1)
+        return np.clip(np.column_stack([route - length - before, route - before]) / whole[:, None], 0, 1)
 
     def branch_starts(self) -> Ints:
         """(B,) the first node of each branch: for the axis the base, else the one after the fork."""
@@ -102,7 +102,7 @@ def build_branches(ties: Ties) -> LobedShape:
                 branches.append(branch)
                 behind.append(node)
             others = [other for other in at[int(passed[-1])] if other != limb]
-            scores = {other: _score(ties.nodes, behind, _ways(outward, at, other), far) for other in others}
+            scores = {other: _score(ties.nodes, behind, _routes(outward, at, other), far) for other in others}
             limb = max(others, key=scores.__getitem__) if others else None
             waiting.extend(other for other in others if other != limb)
         branch += 1
@@ -138,21 +138,21 @@ def _outward(ties: Ties, at: list[list[int]]) -> dict[int, Ints]:
     return found
 
 
-def _ways(outward: dict[int, Ints], at: list[list[int]], number: int) -> list[Ints]:
-    """The nodes of each way that begins with a limb and ends in a tip."""
+def _routes(outward: dict[int, Ints], at: list[list[int]], number: int) -> list[Ints]:
+    """The nodes of each route that begins with a limb and ends in a tip."""
     found, waiting = [], [(number, [outward[number]])]
     while waiting:
-        number, way = waiting.pop()
+        number, route = waiting.pop()
         others = [other for other in at[int(outward[number][-1])] if other != number]
         if not others:
-            found.append(np.concatenate(way))
-        waiting += [(other, [*way, outward[other][1:]]) for other in others]
+            found.append(np.concatenate(route))
+        waiting += [(other, [*route, outward[other][1:]]) for other in others]
     return found
 
 
-def _score(nodes: Floats, behind: list[int], ways: list[Ints], far: float) -> float:
-    """How straight and long the best of several ways is that go on from a branch."""
-    lines = [nodes[way] for way in ways]
+def _score(nodes: Floats, behind: list[int], routes: list[Ints], far: float) -> float:
+    """How straight and long the best of several routes is that go on from a branch."""
+    lines = [nodes[route] for route in routes]
     return max(_straightness(nodes[behind], line, far) ** 2 * float(arc_lengths(line)[-1]) for line in lines)
 
 
