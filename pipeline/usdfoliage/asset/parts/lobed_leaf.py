@@ -11,7 +11,7 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 from usdfoliage.asset.layer import author_scopes, bind_material, export_layer, new_layer
 from usdfoliage.asset.materials.layer import LEAF_MATERIAL, copy_shaders
 from usdfoliage.asset.materials.leaf import LEAF_COLOR, LEAF_SHADERS, LeafMaterial, author_leaf_material
-from usdfoliage.asset.materials.picture import write_texels
+from usdfoliage.asset.materials.texels import write_texels
 from usdfoliage.asset.parts.leaf_gprims import author_leaf_gprim, author_st
 from usdfoliage.asset.parts.part import MAPS, SHADERS, AssetPlace, Box, Part
 from usdfoliage.asset.parts.terrain import vertex_normals
