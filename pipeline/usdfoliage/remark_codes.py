@@ -1143,6 +1143,16 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="The leaf reaches the border of the scan, and is cut there.",
                 action="Scan the whole leaf.",
             ),
+            "lobed-holes": RemarkKind(
+                severity="info",
+                meaning="The mask has holes. The mesh goes on there, and the texture is transparent.",
+                action="Nothing, if the leaf has holes. Otherwise fill them in the mask.",
+            ),
+            "lobed-faces-inexact": RemarkKind(
+                severity="warning",
+                meaning="The faces of the flat leaf leave parts of the mask, or go beyond it.",
+                action="Look at the mesh in the report. Scan small or toothed leaves at a higher resolution.",
+            ),
             "lobed-faces-folded": RemarkKind(
                 severity="warning",
                 meaning="Some faces of the flat leaf lie over their neighbours.",

@@ -91,6 +91,17 @@ def test_a_scan_without_mask_and_scale_is_remarked_on(tmp_path, capsys):
     assert {each["code"] for each in made["remarks"]} == {"lobed-mask-of-threshold", "lobed-size-assumed"}
 
 
+def test_a_hole_stays_a_hole_of_the_texture(tmp_path, capsys):
+    mask = lobed_mask((90,))
+    mask[112:128, 112:128] = False
+    scan, given = write_scan(tmp_path, mask)
+    assert run(scan, "--mask", given, "-o", tmp_path / "out", "--dpi", "300", "--no-preview", "--json") == 0
+    made = json.loads(capsys.readouterr().out)
+    assert [each["code"] for each in made["remarks"]] == ["lobed-holes"]
+    texture = cv2.imread(str(tmp_path / "out" / "maps" / "out_leaf.png"), cv2.IMREAD_UNCHANGED)
+    assert texture[120, 120, 3] == 0
+
+
 @pytest.mark.parametrize(
     ("change", "words", "reason"),
     [

@@ -22,6 +22,8 @@ MAX_PX = 150_000_000  # of a scan: a page of A4 at 1200 pixels an inch
 MODELLED_PX = 1600  # longer side of a leaf at most, where it is modelled: finer, its outline is the scanner's noise
 _MARGIN_PX = 4  # of nothing around a leaf there
 _OPAQUE = 0.5
+_HOLES = 0.002  # of the leaf's pixels; fewer are dust on it
+_GOOD_IOU = 0.96
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,7 +45,7 @@ class ModelledLeaf:
     crop: PictureCrop
     leaf: LobedLeaf
     mask: NDArray[np.bool_]  # (H, W) of the whole scan
-    iou: float  # of the faces and the mask
+    iou: float  # of the faces and the mask without its holes
     remarks: tuple[Remark, ...]
 
 
@@ -163,13 +165,23 @@ def _place(
     corners = np.round(((flat.ties.places() * [1, -1])[flat.ties.quads()] - 0.5) * 16).astype(np.int32)
     for corner in corners:
         cv2.fillPoly(cover, [corner], 1, shift=4)
+    found_px, _ = cv2.findContours(small.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    whole = cv2.drawContours(np.zeros(small.shape, np.uint8), found_px, -1, 1, cv2.FILLED) > 0
+    holes = float((whole & ~small).sum() / small.sum())
+    if holes >= _HOLES:
+        text = f"the mask has holes, {holes:.0%} of the leaf: there the texture is transparent, and the faces go on"
+        remarks.append(remark("lobed-holes", text))
     covered = cover > 0
+    iou = float((covered & whole).sum() / (covered | whole).sum())
+    if iou < _GOOD_IOU:
+        text = f"the faces agree with the mask by an IoU of {iou:.3f}, below {_GOOD_IOU:g}"
+        remarks.append(remark("lobed-faces-inexact", text))
     return ModelledLeaf(
         number=number,
         flat=flat,
         crop=crop,
         leaf=place_leaf(flat, (scan.photo.width_px, scan.photo.height_px), metres_per_px, crop),
         mask=scan.pieces.mask(number),
-        iou=float((covered & small).sum() / (covered | small).sum()),
+        iou=iou,
         remarks=tuple(remarks),
     )

@@ -7,7 +7,6 @@ Source:
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 LONGEST_PX = 4096  # of a texture; a larger picture is shrunk
 _EDGE_PX = 1.5  # within the leaf, where pixels show what was behind it too
@@ -37,12 +36,19 @@ def build_texture(
         linear = (inside / np.maximum(weight, 1e-6)[..., None]).astype(np.float32)
         opacity = weight
     within = opacity >= 0.5
-    deep = np.asarray(distance_transform_edt(within)) > _EDGE_PX
+    deep = cv2.distanceTransform(within.astype(np.uint8), cv2.DIST_L2, 5) > _EDGE_PX
     if not deep.any():
-        deep = within
-    away, nearest = distance_transform_edt(~deep, return_indices=True)
+        deep = within if within.any() else opacity > 0
+    away, labels = cv2.distanceTransformWithLabels(
+        (~deep).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    own = np.flatnonzero(deep)
+    pixel = np.zeros(int(labels.max()) + 1, np.int64)  # of each label
+    pixel[labels.ravel()[own]] = own
+    colors = linear.reshape(-1, 3)
     texture = np.empty((*opacity.shape, 4), np.float32)
-    texture[..., :3] = linear[nearest[0], nearest[1]]
-    texture[away > _BESIDE_PX, :3] = linear[deep].mean(axis=0)
+    texture[..., :3] = colors[own].mean(axis=0, dtype=np.float64)
+    near = np.flatnonzero(away.ravel() <= _BESIDE_PX)
+    texture.reshape(-1, 4)[near, :3] = colors[pixel[labels.ravel()[near]]]
     texture[..., 3] = opacity
     return texture
