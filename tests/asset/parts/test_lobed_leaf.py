@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom
 from usdfoliage.asset.parts.lobed_leaf import author_lobed_leaf
-from usdfoliage.leaf.lobed.branches import LobedShape
-from usdfoliage.leaf.lobed.deformation import BranchFunctions, deform_leaves
+from usdfoliage.asset.parts.lobed_numbers import read_lobed_leaf
+from usdfoliage.errors import AssetError
+from usdfoliage.leaf.lobed.deformation import BranchFunctions
 from usdfoliage.leaf.lobed.model import model_lobed_leaf
 from usdfoliage.leaf.lobed.placed import LobedLeaf, place_leaf
-from usdfoliage.leaf.lobed.turtle import TurtleTies, ties_from_turtle
 
 from tests.support.leaves.lobed import lobed_mask
 
@@ -30,33 +30,50 @@ def read(prim: Usd.Prim, name: str) -> np.ndarray:
 def test_the_points_follow_from_the_numbers(leaf):
     stage = Usd.Stage.CreateInMemory()
     mesh = author_lobed_leaf(stage, Sdf.Path("/Leaf"), leaf)
-    prim = mesh.GetPrim()
-    nodes = read(prim, "skeletonPoints")[:, :2].astype(np.float64)
-    parents, branches = read(prim, "skeletonParents"), read(prim, "skeletonBranches")
-    turtle = TurtleTies(
-        branches=read(prim, "tie:branch"),
-        k_length=read(prim, "tie:kLength").astype(np.float64),
-        k_turn_rad=np.radians(read(prim, "tie:kTurn").astype(np.float64)),
-        t_length=read(prim, "tie:tLength").astype(np.float64),
-        t_turn_rad=np.radians(read(prim, "tie:tTurn").astype(np.float64)),
-    )
-    begins, ends = ties_from_turtle(nodes, parents, branches, turtle)
-    tie_nodes = np.linalg.norm(begins[:, None] - nodes, axis=2).argmin(axis=1)
-    shape = LobedShape(
-        nodes=nodes,
-        parents=parents,
-        branches=branches,
-        tie_nodes=tie_nodes,
-        feet=ends,
-        faces=np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 4),
-    )
-    lists = {}
-    for name in ("turn", "bend", "twist"):
-        counts, keys = read(prim, f"{name}:keyCounts"), read(prim, f"{name}:keys").reshape(-1, 2) * [1, np.radians(1)]
-        lists[name] = tuple(np.split(keys, np.cumsum(counts)[:-1])) if len(counts) else ()
-    points = deform_leaves(shape, [BranchFunctions(**lists)])[0]
-    width = np.ptp(points[:, 0])
-    assert np.abs(points - np.array(mesh.GetPointsAttr().Get())).max() < 1e-5 * width
+    back = read_lobed_leaf(mesh.GetPrim(), leaf.asset_from_picture)
+    assert np.array_equal(back.shape.tie_nodes, leaf.shape.tie_nodes)
+    assert np.array_equal(back.shape.nodes, leaf.shape.nodes)
+    width = np.ptp(leaf.shape.places[:, 0])
+    assert np.abs(back.shape.feet - leaf.shape.feet).max() < 1e-6 * width
+    assert np.abs(back.points_m() - np.array(mesh.GetPointsAttr().Get())).max() < 1e-5 * width
+    assert np.abs(back.silhouette_m - leaf.silhouette_m).max() < 1e-6 * width
+    assert back.functions.bend[2] == pytest.approx(leaf.functions.bend[2])
+
+
+BROKEN = [
+    ("skeletonParents", lambda value: [0, *value[1:]], "has no base"),
+    ("skeletonParents", lambda value: [*value[:-1], len(value) + 5], "is no tree"),
+    ("skeletonParents", lambda value: value[:-1], "has not the numbers"),
+    ("skeletonParents", lambda value: [*value[:9], 0, *value[10:]], "leaves a branch"),
+    ("skeletonBranches", lambda value: [*value[:-1], 99], "does not rise by 1"),
+    ("skeletonPoints", lambda value: [], "has not the numbers"),
+    ("tie:branch", lambda value: [], "is not 0 to 4"),
+    ("tie:branch", lambda value: [*value[:-1], 77], "is not 0 to 4"),
+    ("tie:kLength", lambda value: value[1:], "has not the numbers"),
+    ("tie:tTurn", lambda value: [np.nan, *value[1:]], "is not finite"),
+    ("bend:keyCounts", lambda value: value[1:], "does not fit"),
+    ("bend:keys", lambda value: [(2.0, 1.0), *value[1:]], "positions of bend"),
+]
+
+
+@pytest.mark.parametrize(("name", "change", "reason"), BROKEN)
+def test_broken_numbers_are_refused(leaf, name, change, reason):
+    stage = Usd.Stage.CreateInMemory()
+    prim = author_lobed_leaf(stage, Sdf.Path("/Leaf"), leaf).GetPrim()
+    attribute = prim.GetAttribute(f"foliage:lobed:{name}")
+    attribute.Set(change(list(attribute.Get())))
+    with pytest.raises(AssetError, match=reason):
+        read_lobed_leaf(prim, leaf.asset_from_picture)
+
+
+def test_a_mesh_that_is_no_lobed_leaf_or_has_other_points_is_refused(leaf):
+    stage = Usd.Stage.CreateInMemory()
+    with pytest.raises(AssetError, match="no lobed leaf"):
+        read_lobed_leaf(UsdGeom.Mesh.Define(stage, "/Mesh").GetPrim(), np.eye(4))
+    mesh = author_lobed_leaf(stage, Sdf.Path("/Leaf"), leaf)
+    mesh.GetPointsAttr().Set(mesh.GetPointsAttr().Get()[:-1])
+    with pytest.raises(AssetError, match="has not the"):
+        read_lobed_leaf(mesh.GetPrim(), np.eye(4))
 
 
 def test_all_that_the_schema_names_is_authored(leaf):
