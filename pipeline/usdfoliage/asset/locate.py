@@ -264,7 +264,7 @@ def require_leaves(stage: Usd.Stage, path: Path) -> list[Usd.Prim]:
     leaves = find_leaves(stage)
     if not leaves:
         if any(LOBED_LEAF_API in prim.GetAppliedSchemas() for prim in stage.Traverse()):
-            what = "which is no Bézier leaf and has none of its edits"
+            what = "which is no Bézier leaf"
             raise AssetError(f"{path} holds a leaf of several lobes, {what}", "name an asset of Bézier leaves")
         plants = find_plants(stage)
         seen = f"a plant without leaves in the selected variants (<{plants[0].GetPath()}>)" if plants else "no plant"

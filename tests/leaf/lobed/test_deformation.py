@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from usdfoliage.leaf.lobed.branches import LobedShape
-from usdfoliage.leaf.lobed.deformation import FLAT, BranchFunctions, bend_evenly, deform_leaves
+from usdfoliage.leaf.lobed.deformation import (
+    FLAT,
+    BranchFunctions,
+    add_evenly,
+    bend_evenly,
+    deform_leaves,
+    rotations_of,
+)
 from usdfoliage.leaf.lobed.turtle import ties_to_turtle
 
 from tests.support.leaves.lobed import lobed_shape
@@ -149,6 +156,21 @@ def test_a_branch_that_is_bent_moves_no_other():
     points = deform_leaves(shape, [bend_evenly(shape.branch_count, bend_rad=1.0, only=3)])[0]
     moved = np.abs(points[: len(shape.nodes), 2]) > 0
     assert set(shape.branches[moved].tolist()) == {3}
+
+
+def test_rotations_add_up():
+    shape = shape_of(2)
+    branches = shape.branch_count
+    first = bend_evenly(branches, bend_rad=0.4, twist_rad=-0.2)
+    second = add_evenly(first, branches, bend_rad=0.3, turn_rad=0.1, only=2)
+    expected = np.zeros((3, branches))
+    expected[1], expected[2] = 0.4, -0.2
+    expected[0, 2], expected[1, 2] = 0.1, 0.7
+    assert rotations_of(second, branches) == pytest.approx(expected)
+    ramp = BranchFunctions(bend=(np.array([[0.2, 0.0], [0.6, 1.0]]),))
+    assert rotations_of(ramp, 1)[1, 0] == pytest.approx(0.2 + 0.4)
+    with pytest.raises(ValueError, match="branch must be 0 to 4"):
+        add_evenly(FLAT, branches, bend_rad=0.1, only=5)
 
 
 def test_threads_change_nothing():

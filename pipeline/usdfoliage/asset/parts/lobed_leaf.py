@@ -17,7 +17,7 @@ from usdfoliage.asset.parts.part import MAPS, SHADERS, AssetPlace, Box, Part
 from usdfoliage.asset.parts.terrain import vertex_normals
 from usdfoliage.asset.plant import LEAVES, TO_LEAVES
 from usdfoliage.asset.schema import LOBED_LEAF_API
-from usdfoliage.leaf.lobed.deformation import FUNCTIONS
+from usdfoliage.leaf.lobed.deformation import FUNCTIONS, BranchFunctions
 from usdfoliage.leaf.lobed.placed import LobedLeaf
 from usdfoliage.leaf.lobed.turtle import ties_to_turtle
 
@@ -93,14 +93,18 @@ def author_lobed_numbers(prim: Usd.Prim, leaf: LobedLeaf) -> None:
     )
     for name, value_type, value in numbers:
         prim.CreateAttribute(f"foliage:lobed:{name}", value_type, custom=False).Set(value)
+    author_functions(prim, leaf.functions)
+
+
+def author_functions(prim: Usd.Prim, functions: BranchFunctions) -> None:
+    """Author the keys of functions on a prim, which has FoliageLobedLeafAPI or is an over of one that has it."""
     for name in FUNCTIONS:
-        lists = getattr(leaf.functions, name)
+        lists = getattr(functions, name)
         keys = np.concatenate([np.zeros((0, 2)), *lists]) * [1.0, np.degrees(1.0)]
-        counts, every = f"foliage:lobed:{name}:keyCounts", f"foliage:lobed:{name}:keys"
-        prim.CreateAttribute(counts, types.IntArray, custom=False).Set(_integers(np.array([len(own) for own in lists])))
-        prim.CreateAttribute(every, types.Float2Array, custom=False).Set(
-            Vt.Vec2fArray.FromNumpy(keys.astype(np.float32))
-        )
+        counts = prim.CreateAttribute(f"foliage:lobed:{name}:keyCounts", Sdf.ValueTypeNames.IntArray, custom=False)
+        counts.Set(_integers(np.array([len(own) for own in lists])))
+        values = prim.CreateAttribute(f"foliage:lobed:{name}:keys", Sdf.ValueTypeNames.Float2Array, custom=False)
+        values.Set(Vt.Vec2fArray.FromNumpy(keys.astype(np.float32)))
 
 
 def write_lobed_part(

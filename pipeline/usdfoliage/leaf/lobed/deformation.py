@@ -47,14 +47,52 @@ FLAT = BranchFunctions()
 def bend_evenly(
     branches: int, *, turn_rad: float = 0.0, bend_rad: float = 0.0, twist_rad: float = 0.0, only: int | None = None
 ) -> BranchFunctions:
-    """Functions that rotate each of so many branches by the same angle from its begin to its end, or one of them."""
+    """Functions that rotate each of so many branches by the same angle from its begin to its end, or one of them.
 
-    def even(angle: float) -> tuple[Floats, ...]:
-        chosen = range(branches) if only is None else (only,)
-        keys, none = np.array([[0.0, angle]]), np.zeros((0, 2))
-        return tuple(keys if branch in chosen else none for branch in range(branches)) if angle else ()
+    Raises:
+        ValueError: As add_evenly.
+    """
+    return add_evenly(FLAT, branches, turn_rad=turn_rad, bend_rad=bend_rad, twist_rad=twist_rad, only=only)
 
-    return BranchFunctions(turn=even(turn_rad), bend=even(bend_rad), twist=even(twist_rad))
+
+def add_evenly(
+    functions: BranchFunctions,
+    branches: int,
+    *,
+    turn_rad: float = 0.0,
+    bend_rad: float = 0.0,
+    twist_rad: float = 0.0,
+    only: int | None = None,
+) -> BranchFunctions:
+    """Functions that rotate by so much more from the begin to the end of each of so many branches, or of one of them.
+
+    Raises:
+        ValueError: There is no such branch, or an angle is not finite.
+    """
+    if only is not None and not 0 <= only < branches:
+        raise ValueError(f"branch must be 0 to {branches - 1}, not {only}")
+
+    def more(lists: Sequence[Floats], angle: float) -> Sequence[Floats]:
+        if not angle:
+            return lists
+        before = lists if len(lists) else (np.zeros((0, 2)),) * branches
+        raised = [keys + np.array([0.0, angle]) if len(keys) else np.array([[0.0, angle]]) for keys in before]
+        return tuple(raised[branch] if only in (None, branch) else keys for branch, keys in enumerate(before))
+
+    return BranchFunctions(
+        turn=more(functions.turn, turn_rad), bend=more(functions.bend, bend_rad), twist=more(functions.twist, twist_rad)
+    )
+
+
+def rotations_of(functions: BranchFunctions, branches: int) -> Floats:
+    """(3, B) by how much turn, bend and twist rotate each of so many branches from its begin to its end, radians."""
+    whole = np.zeros((len(FUNCTIONS), branches))
+    for number, name in enumerate(FUNCTIONS):
+        for branch, keys in enumerate(getattr(functions, name)):
+            if len(keys):
+                at = np.unique(np.concatenate([[0.0, 1.0], keys[:, 0]]))
+                whole[number, branch] = np.trapezoid(np.interp(at, keys[:, 0], keys[:, 1]), at)
+    return whole
 
 
 def deform_leaves(shape: LobedShape, functions: Sequence[BranchFunctions], *, threads: int = 0) -> Floats:
