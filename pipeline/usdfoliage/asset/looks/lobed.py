@@ -6,9 +6,16 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
+from usdfoliage.asset.locate import find_interface, open_layer
 from usdfoliage.asset.look_layer import build_look
-from usdfoliage.asset.looks.look import check_look_output, look_class, look_relative, open_asset, the_plant
-from usdfoliage.asset.packages.contents import interface_of
+from usdfoliage.asset.looks.look import (
+    check_look_output,
+    look_class,
+    look_relative,
+    open_asset,
+    read_look,
+    the_plant,
+)
 from usdfoliage.asset.parts.lobed_leaf import author_functions
 from usdfoliage.asset.parts.lobed_numbers import read_lobed_leaf
 from usdfoliage.asset.parts.terrain import vertex_normals
@@ -35,7 +42,8 @@ def find_lobed_leaf(asset: Path) -> LobedAsset | None:
     Raises:
         AssetError: The asset cannot be read, or the numbers of its leaf do not fit together.
     """
-    interface, look = interface_of(asset)
+    named = open_layer(find_interface(asset))
+    look = read_look(named)
     stage = open_asset(asset)  # its prims live as long as it does
     mesh = _mesh_of(stage)
     if mesh is None:
@@ -43,6 +51,7 @@ def find_lobed_leaf(asset: Path) -> LobedAsset | None:
     plant, prim = mesh
     matrix = plant.GetAttribute("foliage:captureToAsset").Get()
     leaf = read_lobed_leaf(prim, np.eye(4) if matrix is None else np.array(matrix).T)
+    interface = look.asset if look else Path(named.realPath)
     return LobedAsset(interface=interface, leaf=leaf, prim_path=look.prim_path if look else "")
 
 

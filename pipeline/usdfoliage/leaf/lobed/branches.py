@@ -91,8 +91,9 @@ def build_branches(ties: Ties) -> LobedShape:
     waiting = deque(at[ties.base])
     branch = 0
     while waiting:
-        limb: int | None = waiting.popleft()
-        behind = [int(outward[limb][0])]  # nodes of the branch until now
+        first = waiting.popleft()
+        behind = [int(outward[first][0])]  # nodes of the branch until now
+        limb: int | None = first
         while limb is not None:
             passed = outward[limb]
             for before, node in zip(passed[:-1].tolist(), passed[1:].tolist(), strict=True):
