@@ -112,6 +112,7 @@ def commands() -> dict[str, dict[str, Any]]:
         "export": made(profile={"enum": list(PROFILES)}),
         "info": {"anyOf": [schema_of(AssetInfo), schema_of(PlainLook)]},
         "leaves": made(withheld=figures),
+        "lobed": {"anyOf": [made(), made(leaves=listed(made()))]},
         "scatter": made(),
         "sketch": made(),
         "task": steps,

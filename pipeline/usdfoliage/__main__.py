@@ -35,6 +35,7 @@ COMMANDS = (
     "crown",
     "sketch",
     "leaves",
+    "lobed",
     "scatter",
     "forest",
     "edit",

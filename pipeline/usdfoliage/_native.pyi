@@ -1465,3 +1465,22 @@ def merge_regions(
 
     Links (E,) are in the order of their lower and higher points; divisor (count + 1,) is of the smaller region's size.
     """
+
+def deform_lobed_leaves(
+    nodes: NDArray[np.float64],
+    *,
+    parents: NDArray[np.int32],
+    branches: NDArray[np.int32],
+    spans: NDArray[np.float64],
+    tie_nodes: NDArray[np.int32],
+    feet: NDArray[np.float64],
+    key_first: NDArray[np.int64],
+    key_counts: NDArray[np.int32],
+    keys: NDArray[np.float64],
+    points: NDArray[np.float64],
+    threads: int,
+) -> None:
+    """Leaves of one flat shape of N nodes and T ties, each deformed by its functions, into points (M, N + T, 3).
+
+    Keys of turn, bend and twist: key_first and key_counts are (M, 3, B), for leaves, functions and branches.
+    """

@@ -1111,6 +1111,56 @@ SECTIONS: tuple[RemarkSection, ...] = (
         },
     ),
     RemarkSection(
+        title="Leaves of several lobes",
+        kinds={
+            "lobed-mask-of-alpha": RemarkKind(
+                severity="info",
+                meaning="The leaf's mask is the alpha channel of the scan.",
+                action="Nothing.",
+            ),
+            "lobed-mask-of-threshold": RemarkKind(
+                severity="info",
+                meaning="No mask is given. The leaf is what differs in colour from the frame of the scan.",
+                action="Look at the silhouette in the report. Give a mask if it is wrong.",
+            ),
+            "lobed-dust": RemarkKind(
+                severity="info",
+                meaning="Small pieces of the mask are left out.",
+                action="Nothing, if they are dust. Otherwise connect them to the leaf in the mask.",
+            ),
+            "lobed-leaf-left-out": RemarkKind(
+                severity="warning",
+                meaning="One of several leaves has no model. The others are written.",
+                action="Correct its part of the mask, or leave it out there.",
+            ),
+            "lobed-size-assumed": RemarkKind(
+                severity="warning",
+                meaning="The scale of the scan is not known. The leaf is given a height of 0.1 m.",
+                action="Give the pixels an inch of the scan, or the width or the height of the leaf.",
+            ),
+            "lobed-at-border": RemarkKind(
+                severity="warning",
+                meaning="The leaf reaches the border of the scan, and is cut there.",
+                action="Scan the whole leaf.",
+            ),
+            "lobed-holes": RemarkKind(
+                severity="info",
+                meaning="The mask has holes. The mesh goes on there, and the texture is transparent.",
+                action="Nothing, if the leaf has holes. Otherwise fill them in the mask.",
+            ),
+            "lobed-faces-inexact": RemarkKind(
+                severity="warning",
+                meaning="The faces of the flat leaf leave parts of the mask, or go beyond it.",
+                action="Look at the mesh in the report. Scan small or toothed leaves at a higher resolution.",
+            ),
+            "lobed-faces-folded": RemarkKind(
+                severity="warning",
+                meaning="Some faces of the flat leaf lie over their neighbours.",
+                action="Look at the mesh in the report. Make narrow bays of the mask wider.",
+            ),
+        },
+    ),
+    RemarkSection(
         title="Trees out of one photograph",
         kinds={
             "strokes-proposed": RemarkKind(

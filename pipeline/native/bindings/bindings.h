@@ -16,6 +16,7 @@ void bind_leaf_closest(nanobind::module_& m);
 void bind_leaf_surface_fit(nanobind::module_& m);
 void bind_dense_segmentation(nanobind::module_& m);
 void bind_leaf_samples(nanobind::module_& m);
+void bind_lobed(nanobind::module_& m);
 void bind_pinhole(nanobind::module_& m);
 void bind_patch_match(nanobind::module_& m);
 void bind_branch_cage(nanobind::module_& m);

@@ -18,6 +18,7 @@ NB_MODULE(_native, m) {
     bind_leaf_surface_fit(m);
     bind_dense_segmentation(m);
     bind_leaf_samples(m);
+    bind_lobed(m);
     bind_pinhole(m);
     bind_patch_match(m);
     bind_branch_cage(m);

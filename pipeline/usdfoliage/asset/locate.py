@@ -10,7 +10,7 @@ import numpy as np
 from pxr import Kind, Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from usdfoliage.asset.look_layer import LEAFY_LODS, LOD, REPRESENTATION, leafy_lods, select_lod
-from usdfoliage.asset.schema import LEAF_API, PLANT_API
+from usdfoliage.asset.schema import LEAF_API, LOBED_LEAF_API, PLANT_API
 from usdfoliage.errors import AssetError
 from usdfoliage.files.reading import open_regular
 
@@ -263,6 +263,9 @@ def require_leaves(stage: Usd.Stage, path: Path) -> list[Usd.Prim]:
     refuse_forest(stage.GetDefaultPrim(), path)
     leaves = find_leaves(stage)
     if not leaves:
+        if any(LOBED_LEAF_API in prim.GetAppliedSchemas() for prim in stage.Traverse()):
+            what = "which is no Bézier leaf"
+            raise AssetError(f"{path} holds a leaf of several lobes, {what}", "name an asset of Bézier leaves")
         plants = find_plants(stage)
         seen = f"a plant without leaves in the selected variants (<{plants[0].GetPath()}>)" if plants else "no plant"
         raise AssetError(f"{path} holds {seen}", "name an asset with leaves, or choose another lod or representation")

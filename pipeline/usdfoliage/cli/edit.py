@@ -6,6 +6,10 @@ asset; mute it, and the original is back. ASSET may itself be a look. Each optio
 
     usdfoliage edit assets/spray --width 1.3 --bend 0.3 -o looks/drooping.usda
 
+A leaf of several lobes, as usdfoliage lobed makes it, has --bend, --turn and --twist, in degrees:
+
+    usdfoliage edit assets/oak_leaf --bend 40 --branch 0 -o looks/bent.usda
+
 Lengths are in leaf lengths: the base is at (0, 0, 0), the apex at (0, 1, 0), width along x, height along z. No edit
 moves base or apex.
 """
@@ -47,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "edits act on top of them. Other opinions of the layer are not taken.",
     )
     _add_edits(parser.add_argument_group("edits, in leaf lengths"))
+    _add_rotations(parser.add_argument_group("edits of a leaf of several lobes"))
     run_options = parser.add_argument_group("this run")
     add_writing(run_options, of_asset=False)
     add_json(run_options)
@@ -81,7 +86,8 @@ def _add_edits(edits: argparse._ActionsContainer) -> None:
         type=float,
         nargs="+",
         help="Both control points of the axis rise by Z1, or the second one by Z2 if that is given. A positive number "
-        "lets the tip droop.",
+        "lets the tip droop. Of a leaf of several lobes this is one number: every branch bends down by this many "
+        "degrees from its begin to its tip.",
     )
     edits.add_argument(
         "--silhouette",
@@ -109,6 +115,28 @@ def _add_edits(edits: argparse._ActionsContainer) -> None:
     add_jitter_map(edits)
 
 
+def _add_rotations(edits: argparse._ActionsContainer) -> None:
+    edits.add_argument(
+        "--turn",
+        metavar="DEGREES",
+        type=float,
+        help="Every branch turns to the left by this many degrees from its begin to its tip. The default is 0.",
+    )
+    edits.add_argument(
+        "--twist",
+        metavar="DEGREES",
+        type=float,
+        help="Every branch twists about itself by this many degrees from its begin to its tip. The default is 0.",
+    )
+    edits.add_argument(
+        "--branch",
+        metavar="N",
+        type=int,
+        help="Only this branch is bent, turned or twisted: 0 is the axis. What grows on it moves along. The default "
+        "is every branch.",
+    )
+
+
 def declare(options: argparse.Namespace) -> Access:
     from usdfoliage.asset.access import look_access
 
@@ -116,15 +144,23 @@ def declare(options: argparse.Namespace) -> Access:
 
 
 def run(options: argparse.Namespace) -> int:
+    from usdfoliage.asset.looks.lobed import find_lobed_leaf
     from usdfoliage.cli.interrupts import handle_interrupts
     from usdfoliage.cli.json_output import format_made
-    from usdfoliage.cli.options.edit import read_edit_request
+    from usdfoliage.cli.options.edit import read_edit_request, read_lobed_request
     from usdfoliage.cli.remarks import print_remarks
-    from usdfoliage.jobs.edits.edit import plan_look, write_look
+    from usdfoliage.jobs.edits.edit import EditRequest, plan_look, write_look
+    from usdfoliage.jobs.edits.lobed import LobedEditRequest, plan_lobed_look, write_lobed_edit
 
     handle_interrupts()
-    request = read_edit_request(options)
-    planned = plan_look(request) if options.dry_run else write_look(request)
+    lobed = find_lobed_leaf(options.asset)
+    request: EditRequest | LobedEditRequest
+    if lobed is not None:
+        request = read_lobed_request(options, lobed)
+        planned = plan_lobed_look(request) if options.dry_run else write_lobed_edit(request)
+    else:
+        request = read_edit_request(options)
+        planned = plan_look(request) if options.dry_run else write_look(request)
     if options.json:
         asset = None if options.dry_run else request.output
         changes = [asdict(change) for change in planned.changes]

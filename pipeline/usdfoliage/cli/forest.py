@@ -35,7 +35,7 @@ from usdfoliage.cli.options.steps import LIST, PLAN, PUBLISH, print_steps, repor
 from usdfoliage.files.write_gate import Access
 
 if TYPE_CHECKING:
-    from usdfoliage.cli.openjd_lines import OpenjdLines
+    from usdfoliage.cli.options.openjd_lines import OpenjdLines
     from usdfoliage.jobs.forest.request import ForestRequest
 
 

@@ -1,7 +1,7 @@
 """What is printed of a plant that was built, and of an asset that a command has put in its place."""
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from usdfoliage.cli.json_output import format_json, format_made, list_made
@@ -28,6 +28,18 @@ def print_published(made: "PublishedAsset", command: str, *, as_json: bool) -> N
     if made.preview:
         print(f"preview: {made.preview}")
     print(f"report: {made.report}")
+
+
+def print_leaves(made: "Sequence[PublishedAsset]", command: str, *, as_json: bool) -> None:
+    """The same of several assets of one run; as JSON in one object whose assets are a list."""
+    if as_json:
+        leaves = [
+            list_made(asset=each.asset, report=each.report, facts=each.rows, remarks=each.remarks) for each in made
+        ]
+        print(format_made(asset=None, report=None, facts=(), remarks=(), leaves=leaves))
+        return
+    for each in made:
+        print_published(each, command, as_json=False)
 
 
 def print_rows(rows: "Iterable[Row]") -> None:

@@ -117,6 +117,10 @@ COMMANDS: Mapping[str, CommandOptions] = {
         values={"capture.toml:metres_per_unit": _UNITS},
         table="leaves",
     ),
+    "lobed": CommandOptions(
+        options={"capture.toml:color_space": "--color-space", "plant.species": "--species", "seed": "--seed"},
+        arguments={"mask": "--mask", "dpi": "--dpi", "width": "--width", "height": "--height"},
+    ),
     "bake": CommandOptions(arguments={"source": "--from"}),
     "export": CommandOptions(arguments={"shapes": "--shapes"}),
     "edit": CommandOptions(arguments={"jitter": "--jitter", "prim": "--prim"}),

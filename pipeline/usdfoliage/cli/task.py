@@ -20,7 +20,7 @@ from usdfoliage.cli.options.steps import LIST, PLAN, PUBLISH, print_steps, repor
 from usdfoliage.files.write_gate import Access
 
 if TYPE_CHECKING:
-    from usdfoliage.cli.openjd_lines import OpenjdLines
+    from usdfoliage.cli.options.openjd_lines import OpenjdLines
     from usdfoliage.jobs.plant.call import BuildRequest
 
 

@@ -179,14 +179,14 @@ def write_look_layer(
     look = read_look(named)
     interface = look.asset if look else Path(named.realPath)
     stage = _open_bezier(interface)
-    plant = _the_plant(stage, interface)
+    plant = the_plant(stage, interface)
     target = check_look_output(path, interface, force=force)
     if look is not None:
         prim_path = prim_path or look.prim_path or None
         if jitter_map is None:
             opened = _open_bezier(asset)
             jitter_map = read_jitter_map_path(require_leaves(opened, asset)[0])
-    class_path = _class_path(plant, interface, prim_path)
+    class_path = look_class(plant, interface, prim_path)
 
     def author_leaves(overs: Usd.Stage) -> None:
         for leaves in require_leaves(stage, interface):
@@ -196,10 +196,10 @@ def write_look_layer(
             drawn_map = jitter_map or read.jitter_map
             wave = read_jitter_map(drawn_map) if drawn_map else None
             if jitter_map and jitter_map != read.jitter_map:
-                author_look_jitter_map(overs, class_path, plant, leaves, _relative(jitter_map, path))
+                author_look_jitter_map(overs, class_path, plant, leaves, look_relative(jitter_map, path))
             author_wider_extents(overs, class_path, plant, leaves, read, edits, wave)
 
-    layer = build_look(plant, class_path, _relative(interface, path), author_leaves, prim_path)
+    layer = build_look(plant, class_path, look_relative(interface, path), author_leaves, prim_path)
     publish_text(target, layer.ExportToString())
     return path
 
@@ -213,7 +213,8 @@ def _open_bezier(asset: Path) -> Usd.Stage:
     return stage
 
 
-def _the_plant(stage: Usd.Stage, interface: Path) -> Usd.Prim:
+def the_plant(stage: Usd.Stage, interface: Path) -> Usd.Prim:
+    """The plant of an asset's own stage; AssetError where its default prim is none."""
     plant = stage.GetDefaultPrim()
     if not plant or PLANT_API not in plant.GetAppliedSchemas():
         raise AssetError(
@@ -222,7 +223,7 @@ def _the_plant(stage: Usd.Stage, interface: Path) -> Usd.Prim:
     return plant
 
 
-def _class_path(plant: Usd.Prim, interface: Path, prim_path: str | None) -> Sdf.Path:
+def look_class(plant: Usd.Prim, interface: Path, prim_path: str | None) -> Sdf.Path:
     """The class whose opinions reach every placement, or one of its own for one placement."""
     class_path = find_class(plant)
     if class_path is None:
@@ -244,7 +245,7 @@ def _read_prim_path(stated: str) -> Sdf.Path:
     return path
 
 
-def _relative(target: Path, look: Path) -> str:
+def look_relative(target: Path, look: Path) -> str:
     """The way from the look's folder to target, beginning with ./ or ../."""
     return path_between(usd_path(target), usd_path(look.parent))
 

@@ -4,15 +4,49 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
+from usdfoliage.asset.looks.lobed import LobedAsset
 from usdfoliage.errors import FoliageError
 from usdfoliage.jobs.edits.edit import EditRequest
+from usdfoliage.jobs.edits.lobed import LobedEditRequest
 from usdfoliage.leaf.shape.edits import LeafEdits, Vector
 
 EDIT_OPTIONS = ("width", "asymmetry", "axis1", "axis2", "bend", "silhouette", "curl", "jitter", "jitter_map", "look")
 
 
+ROTATIONS = ("turn", "twist", "branch")  # of a leaf of several lobes alone, beside bend
+
+
+def read_lobed_request(options: argparse.Namespace, found: LobedAsset) -> LobedEditRequest:
+    """The request of a leaf of several lobes; FoliageError for values that cannot be."""
+    refused = [name for name in EDIT_OPTIONS if name != "bend" and getattr(options, name) is not None]
+    if refused:
+        names = ", ".join(f"--{name.replace('_', '-')}" for name in refused)
+        raise FoliageError(f"{options.asset} is a leaf of several lobes, which has no {names}", "leave it out")
+    if options.bend is None and options.turn is None and options.twist is None:
+        raise FoliageError("no edit is named, so there is nothing to write", "name --bend, --turn or --twist")
+    if options.bend is not None and len(options.bend) != 1:
+        raise FoliageError(f"--bend of a leaf of several lobes takes one number of degrees, not {len(options.bend)}")
+    try:
+        return LobedEditRequest(
+            asset=options.asset,
+            found=found,
+            output=options.output,
+            turn_deg=options.turn or 0.0,
+            bend_deg=options.bend[0] if options.bend else 0.0,
+            twist_deg=options.twist or 0.0,
+            branch=options.branch,
+            prim=options.prim,
+            force=options.force,
+        )
+    except ValueError as error:
+        raise FoliageError(str(error)) from error
+
+
 def read_edit_request(options: argparse.Namespace) -> EditRequest:
     """The request that a command line makes; FoliageError for values that cannot be."""
+    refused = [f"--{name}" for name in ROTATIONS if getattr(options, name, None) is not None]
+    if refused:
+        raise FoliageError(f"{options.asset} has no leaf of several lobes for {', '.join(refused)}", "leave it out")
     given = [name for name in EDIT_OPTIONS if getattr(options, name) is not None]
     if not given:
         names = ", ".join(f"--{name.replace('_', '-')}" for name in EDIT_OPTIONS)

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from usdfoliage.cli.openjd_lines import OpenjdLines
+from usdfoliage.cli.options.openjd_lines import OpenjdLines
 
 if TYPE_CHECKING:
     from usdfoliage.jobs.plant.executors import Done
