@@ -1,0 +1,251 @@
+"""A skeleton along the veins of a leaf, from its base to the tip of each lobe.
+
+The veins are given as a region, or traced in the picture, where they are ridges of another colour. Each lobe that the
+medial axis has gets one path: the cheapest one from the base to its tip, where going along a vein is cheap and going
+through the blade between veins is not. All cheapest paths from one place make a tree, and none leaves the blade, so
+that these two criteria of the paper hold; forks close to each other are joined, so that no strip between two veins is
+too thin for its ties.
+
+Source:
+    L. Mündermann et al., Modeling lobed leaves, section 3.2, the criteria; E. W. Dijkstra, A note on two problems in
+    connexion with graphs, 1959. The costs: our own.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from usdfoliage.leaf.lobed.medial_axis import MedialAxis
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+_AROUND = np.array([(0, 1), (1, 0), (1, 1), (1, -1)])  # steps to neighbours, down and right; others are their reverse
+_SHORTCUT = 0.02  # cost of a pixel on the clearest vein, where one between veins costs 1
+_RIM = 3.0  # cost at the silhouette beside that inside, since a path along it leaves no room for ties
+_RAYS = 48
+
+
+@dataclass(frozen=True, kw_only=True)
+class VeinSettings:
+    """How veins are followed. Lengths are parts of the root of the leaf's area."""
+
+    grain_px: float = 320.0  # The root of the leaf's area where paths are looked for. Unit: pixels. Range: 50 or more.
+    width: float = 0.006  # of a vein in the picture
+    join: float = 0.06  # Forks nearer to each other are joined.
+    clear: float = 0.02  # of the silhouette, in which a path is dear
+
+    def __post_init__(self) -> None:
+        if not (self.grain_px >= 50 and self.width > 0 and self.join >= 0 and self.clear > 0):
+            raise ValueError(
+                "grain_px must be at least 50, width and clear above 0, and join not below 0, "
+                f"not {self.grain_px:g}, {self.width:g}, {self.clear:g} and {self.join:g}"
+            )
+
+
+def measure_veins(srgb: NDArray[np.uint8], blade: Mask, settings: VeinSettings = VeinSettings()) -> NDArray[np.float32]:
+    """(H, W) how clearly each pixel of a blade is on a vein, 0 to 1, from the ridges of its colours.
+
+    Veins may be lighter or darker than the blade, or have another hue: each of the three channels of Lab counts by how
+    much its ridges stand out, in the direction in which these are longer.
+
+    Args:
+        srgb: (H, W, 3), of the picture.
+        blade: (H, W).
+        settings: How wide veins are.
+    """
+    size = float(np.sqrt(blade.sum()))
+    lab = cv2.cvtColor(srgb, cv2.COLOR_RGB2LAB).astype(np.float32)
+    inside = cv2.erode(blade.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
+    total = np.zeros(blade.shape, np.float32)
+    if inside.sum() < 16:
+        return total
+    # Outside of the blade its own mean colour goes on, so that the silhouette is no ridge.
+    lab = np.where(inside[..., None], lab, np.float32(0))
+    weight = inside.astype(np.float32)
+    spread = 0.03 * size
+    known = np.maximum(cv2.GaussianBlur(weight, (0, 0), spread), 1e-3)
+    around = cv2.GaussianBlur(lab, (0, 0), spread) / known[..., None]
+    flat = np.where(inside[..., None], lab - around, 0)
+    for channel in range(3):
+        noise = float(np.median(np.abs(flat[..., channel][inside]))) + 0.5
+        best, highest = total, -1.0
+        for sign in (1, -1):
+            ridge = np.maximum(
+                _ridge(np.ascontiguousarray(sign * flat[..., channel]), max(1.0, settings.width * size / 2)),
+                _ridge(np.ascontiguousarray(sign * flat[..., channel]), max(1.0, settings.width * size)),
+            )
+            ridge = np.where(inside, ridge, 0) / np.float32(noise)
+            # Long ridges: those that a blur along all directions leaves high.
+            strength = float(np.percentile(ridge[inside], 98) - np.percentile(ridge[inside], 60))
+            if strength > highest:
+                best, highest = ridge, strength
+        total = total + best
+    top = float(np.percentile(total[inside], 98.5))
+    return np.asarray(np.clip(total / max(top, 1e-6), 0, 1) * inside, np.float32)
+
+
+def draw_veins(region: Mask, blade: Mask) -> NDArray[np.float32]:
+    """(H, W) how clearly each pixel is on a vein, 0 to 1, where the region of all veins is given: most in its middle."""
+    deep = cv2.distanceTransform(region.astype(np.uint8), cv2.DIST_L2, 5)
+    if not region.any():
+        return deep
+    wide = cv2.dilate(deep, np.ones((3, 3), np.uint8))
+    return np.asarray(np.where(region & blade, 0.5 + 0.5 * np.minimum(deep / np.maximum(wide, 1), 1), 0), np.float32)
+
+
+def choose_base(ends: Floats, veins: NDArray[np.float32], blade: Mask) -> Floats:
+    """(2,) that of some places (N, 2) from which the clearest veins radiate, pixels, y down.
+
+    Raises:
+        ValueError: No place is given.
+    """
+    if not len(ends):
+        raise ValueError("a base is chosen of one place at least")
+    size = float(np.sqrt(blade.sum()))
+    soft = cv2.GaussianBlur(veins, (0, 0), max(1.0, 0.006 * size))
+    angle = np.arange(_RAYS) * 2 * np.pi / _RAYS
+    away = np.linspace(0.08, 0.3, 40) * size
+    scores = []
+    for end in ends:
+        place = end + away[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        column = np.clip(place[..., 0].astype(int), 0, veins.shape[1] - 1)
+        row = np.clip(place[..., 1].astype(int), 0, veins.shape[0] - 1)
+        along = soft[row, column].mean(axis=0)
+        peak = along[(along >= np.roll(along, 1)) & (along >= np.roll(along, -1))]
+        scores.append(float(np.sort(peak)[-5:].sum()))
+    return np.asarray(ends[int(np.argmax(scores))])
+
+
+def follow_veins(
+    veins: NDArray[np.float32],
+    blade: Mask,
+    base_px: Floats,
+    tips_px: Floats,
+    settings: VeinSettings = VeinSettings(),
+) -> MedialAxis:
+    """The tree of the cheapest paths along veins, in the form of a medial axis.
+
+    Args:
+        veins: (H, W), how clearly each pixel is on a vein, 0 to 1.
+        blade: (H, W), which no path leaves.
+        base_px: (2,), where all paths begin, pixels with y down.
+        tips_px: (N, 2), where they end.
+        settings: How veins are followed.
+
+    Raises:
+        ValueError: No tip can be reached inside the blade.
+    """
+    scale = min(1.0, settings.grain_px / max(float(np.sqrt(blade.sum())), 1.0))
+    size = max(2, round(blade.shape[1] * scale)), max(2, round(blade.shape[0] * scale))
+    step = np.array([blade.shape[1] / size[0], blade.shape[0] / size[1]])
+    # A thin neck of the blade must not part: what has any part of a pixel counts.
+    room = cv2.resize(blade.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.25
+    if not room.any():
+        raise ValueError("no tip of a lobe is reached from the base")
+    deep = cv2.distanceTransform(np.pad(room, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    clear = cv2.resize(veins, size, interpolation=cv2.INTER_AREA)
+    peak = float(clear.max())
+    clear = clear / peak if peak > 0 else clear
+    near = settings.clear * settings.grain_px
+    dear = 1 + (_RIM - 1) * np.clip(1 - deep / near, 0, 1)
+    cost = dear * _SHORTCUT / (_SHORTCUT + (1 - _SHORTCUT) * np.clip(clear, 0, 1))
+    number = np.full(room.shape, -1, np.int64)
+    number[room] = np.arange(room.sum())
+    places = np.argwhere(room)[:, ::-1] + 0.5
+    graph = _join_pixels(number, cost)
+    nearest = [int(np.argmin(((places * step - place) ** 2).sum(axis=1))) for place in [base_px, *tips_px]]
+    away, before = dijkstra(graph, directed=False, indices=nearest[0], return_predecessors=True)
+    paths = []
+    for tip in sorted(set(nearest[1:]) - {nearest[0]}, key=lambda place: (-away[place], place)):
+        if np.isfinite(away[tip]):
+            path = [tip]
+            while path[-1] != nearest[0]:
+                path.append(int(before[path[-1]]))
+            paths.append(path[::-1])
+    if not paths:
+        raise ValueError("no tip of a lobe is reached from the base")
+    joined = _join_forks(paths, places, settings.join * settings.grain_px)
+    return _as_axis(joined, places * step, deep[room] * step.mean())
+
+
+def _ridge(channel: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
+    """How much more a picture bends across than along, where it is brighter than beside it."""
+    soft = cv2.GaussianBlur(channel, (0, 0), sigma)
+    across, down = (cv2.Sobel(soft, cv2.CV_32F, *order, ksize=3) for order in ((1, 0), (0, 1)))
+    xx, xy = (cv2.Sobel(across, cv2.CV_32F, *order, ksize=3) for order in ((1, 0), (0, 1)))
+    yy = cv2.Sobel(down, cv2.CV_32F, 0, 1, ksize=3)
+    apart = np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
+    sharp, blunt = -((xx + yy) / 2 - apart), -((xx + yy) / 2 + apart)
+    return np.asarray(np.maximum(sharp - np.maximum(np.abs(blunt), 0), 0) * np.float32(sigma**2 / 64))
+
+
+def _join_pixels(number: Ints, cost: Floats) -> coo_matrix:
+    """The graph of pixels and what it costs to go from one to another."""
+    height, width = number.shape
+    one, other, weights = [], [], []
+    for down, right in _AROUND.tolist():
+        here = number[: height - down, max(0, -right) : width - max(0, right)]
+        there = number[down:, max(0, right) : width + min(0, right)]
+        both = (here >= 0) & (there >= 0)
+        mean = (
+            cost[: height - down, max(0, -right) : width - max(0, right)]
+            + cost[down:, max(0, right) : width + min(0, right)]
+        ) / 2
+        one.append(here[both])
+        other.append(there[both])
+        weights.append(mean[both] * np.hypot(down, right))
+    count = int(number.max()) + 1
+    return coo_matrix(
+        (np.concatenate(weights), (np.concatenate(one), np.concatenate(other))), shape=(count, count)
+    ).tocsr()
+
+
+def _join_forks(paths: Sequence[Sequence[int]], places: Floats, join: float) -> list[tuple[int, ...]]:
+    """Chains of places that make a tree: the first path, and of each other one what is its own.
+
+    Where a path would leave the tree close to a fork, to the base or to a tip, it leaves it there.
+    """
+    chains = [tuple(paths[0])]
+    at = {place: (0, index) for index, place in enumerate(paths[0])}
+    forks = {0: [0, len(paths[0]) - 1]}  # of each chain, where others leave it and where it ends
+    for path in paths[1:]:
+        split = max(index for index, place in enumerate(path) if place in at)
+        if split == len(path) - 1:
+            continue  # another path goes through this tip
+        chain, index = at[path[split]]
+        own = places[list(chains[chain])]
+        leave = min(forks[chain], key=lambda fork: (abs(fork - index), fork))
+        if np.linalg.norm(own[leave] - own[index]) > join or leave == len(chains[chain]) - 1:
+            leave = index
+        rest = list(path[split + 1 :])
+        begin = chains[chain][leave]
+        if leave != index:
+            # What is near the fork would lie on the other limb, or go back along it.
+            gone = np.linalg.norm(places[rest] - places[begin], axis=1) > 1.5 * np.linalg.norm(own[leave] - own[index])
+            rest = rest[int(np.argmax(gone)) :] if gone.any() else rest[-1:]
+        new = len(chains)
+        chains.append((begin, *rest))
+        forks[chain].append(leave)
+        forks[new] = [0, len(rest)]
+        at.update({place: (new, 1 + along) for along, place in enumerate(rest)})
+    return chains
+
+
+def _as_axis(chains: Sequence[Sequence[int]], places: Floats, radius: Floats) -> MedialAxis:
+    """Chains as a tree of places, y up."""
+    used = sorted({place for chain in chains for place in chain})
+    number = {place: index for index, place in enumerate(used)}
+    neighbors: list[list[int]] = [[] for _ in used]
+    for chain in chains:
+        for one, other in zip(chain[:-1], chain[1:], strict=True):
+            neighbors[number[one]].append(number[other])
+            neighbors[number[other]].append(number[one])
+    kept = places[used]
+    return MedialAxis(places=kept * [1, -1], radius=radius[used], neighbors=tuple(map(tuple, neighbors)))
