@@ -172,7 +172,30 @@ def follow_veins(
     if not paths:
         raise ValueError("no tip of a lobe is reached from the base")
     joined = _join_forks(paths, places, settings.join * settings.grain_px)
-    return _as_axis(joined, places * step, deep[room] * step.mean())
+    axis = _as_axis(joined, places * step, deep[room] * step.mean())
+    return _add_petiole(axis, places[nearest[0]] * step * [1, -1], blade)
+
+
+def _add_petiole(axis: MedialAxis, base: Floats, blade: Mask) -> MedialAxis:
+    """A tree that begins in a tip: where veins part at the base, a limb goes on to the nearest place of the outside."""
+    place = int(np.argmin(((axis.places - base) ** 2).sum(axis=1)))
+    if len(axis.neighbors[place]) == 1:
+        return axis
+    wide = np.argwhere(np.pad(~blade, 1, constant_values=True))[:, ::-1] - 0.5  # the padding shifts by one pixel
+    out = wide[np.argmin(((wide * [1, -1] - axis.places[place]) ** 2).sum(axis=1))] * [1, -1] - axis.places[place]
+    gap = float(np.linalg.norm(out))
+    steps = max(2, int(gap))
+    first = len(axis.places)
+    part = np.arange(1, steps + 1)[:, None] / steps * 0.6  # the rest is left to what makes tips longer
+    neighbors = [*axis.neighbors, *((first + step - 1, first + step + 1) for step in range(steps))]
+    neighbors[place] = (*axis.neighbors[place], first)
+    neighbors[first] = (place, first + 1)
+    neighbors[-1] = (first + steps - 2,)
+    return MedialAxis(
+        places=np.concatenate([axis.places, axis.places[place] + part * out]),
+        radius=np.concatenate([axis.radius, np.full(steps, axis.radius[place])]),
+        neighbors=tuple(neighbors),
+    )
 
 
 def _ridge(channel: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
