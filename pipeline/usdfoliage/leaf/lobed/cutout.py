@@ -33,6 +33,7 @@ _FARTHEST = 80.0  # Lab units: greater differences are no clearer
 _CLEAR = 6.0  # Lab units, from the colours of the ground, that a threshold is at least
 _TOO_FINE = 0.004  # of the longer side: notches and bridges of that width in a mask are noise
 _PALE = 0.35  # of the difference in colour that the most colourful piece has: less is a dot, ink or a table
+_LAMP = 2.0  # Lab units of lightness, by which what a lamp mirrors in is brighter than paper
 _BOX = 4  # pixels around a leaf in its own mask
 
 
@@ -109,7 +110,9 @@ def cut_out_leaves(srgb: NDArray[np.uint8], settings: CutOutSettings = CutOutSet
         )
     solid = _clean(away > threshold)
     doubtless = away < threshold / 2
-    return _sort_pieces(solid, doubtless, colored, contrast, reduced, scale, settings)
+    paper = ground[np.argmax(ground[:, 0]), 0]
+    lamps = (lab[..., 0] > paper + _LAMP) if paper > 50 else np.zeros(solid.shape, bool)
+    return _sort_pieces(solid, doubtless, colored, lamps, contrast, reduced, scale, settings)
 
 
 def cut_out_mask(mask: Mask, settings: CutOutSettings = CutOutSettings()) -> CutOut:
@@ -126,7 +129,7 @@ def cut_out_mask(mask: Mask, settings: CutOutSettings = CutOutSettings()) -> Cut
         raise FitError("no leaf was found: the mask is empty", "Give a mask with a white leaf")
     picture = np.repeat(drawn[..., None] * np.uint8(255), 3, axis=2)
     everything = np.full(solid.shape, np.inf, np.float32)
-    return _sort_pieces(solid, ~solid, everything, np.inf, picture, scale, settings)
+    return _sort_pieces(solid, ~solid, everything, np.zeros_like(solid), np.inf, picture, scale, settings)
 
 
 def _reduce(
@@ -222,6 +225,7 @@ def _sort_pieces(
     solid: Mask,
     ground: Mask,
     colored: NDArray[np.float32],
+    lamps: Mask,
     contrast: float,
     reduced: NDArray[np.uint8],
     scale: tuple[float, float],
@@ -237,7 +241,13 @@ def _sort_pieces(
     considered = np.arange(1, pieces)[filled[1:] >= settings.dust * filled[1:].max()]
     height, width = solid.shape
     vivid = float(chroma[considered].max())
-    leafy = [int(each) for each in considered if chroma[each] >= _PALE * vivid]
+    leafy = [
+        int(each)
+        for each in considered
+        if chroma[each] >= _PALE * vivid and not _is_edge(labels == each) and not lamps[labels == each].mean() > 0.5
+    ]
+    if not leafy:
+        raise FitError("no leaf was found: what differs from the ground lies along the border", "Give the mask of the leaf")
     largest = max(filled[leafy])
     kept = sorted((each for each in leafy if filled[each] >= settings.dust * largest), key=lambda each: -filled[each])
     leaves = []
@@ -248,7 +258,7 @@ def _sort_pieces(
         mask, holes, findings = _fill_small(labels[box] == each, ground[box], settings.small_hole)
         if left == 0 or top == 0 or left + across == width or top + down == height:
             findings.add(Finding.OVER_BORDER)
-        if _touch(mask):
+        if _touch(mask | _inner(mask)):
             findings.add(Finding.TOUCHING)
         if contrast < 3:
             findings.add(Finding.LOW_CONTRAST)
@@ -257,6 +267,21 @@ def _sort_pieces(
     return CutOut(
         leaves=tuple(leaves), dust=pieces - 1 - len(kept) - others, others=others, scale=scale, reduced=reduced
     )
+
+
+def _is_edge(region: Mask) -> bool:
+    """Whether a region is a strip along the border, as the edge of a table or of a second sheet is."""
+    rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
+    for side, extent, across in (
+        (region[0], region.shape[1], len(rows)),
+        (region[-1], region.shape[1], len(rows)),
+        (region[:, 0], region.shape[0], len(columns)),
+        (region[:, -1], region.shape[0], len(columns)),
+    ):
+        along = int(side.sum())
+        if along > 0.9 * extent or along > 2 * across:
+            return True
+    return False
 
 
 def _fill_small(mask: Mask, ground: Mask, small: float) -> tuple[Mask, int, set[Finding]]:
@@ -277,6 +302,14 @@ def _fill_small(mask: Mask, ground: Mask, small: float) -> tuple[Mask, int, set[
             kept += 1
             findings.add(Finding.HOLES_KEPT)
     return filled, kept, findings
+
+
+def _inner(mask: Mask) -> Mask:
+    """The holes of a mask."""
+    lines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    drawn = np.zeros(mask.shape, np.uint8)
+    cv2.drawContours(drawn, lines, -1, 1, cv2.FILLED)
+    return (drawn > 0) & ~mask
 
 
 def _touch(mask: Mask) -> bool:

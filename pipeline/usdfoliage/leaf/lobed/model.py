@@ -23,7 +23,7 @@ from usdfoliage.leaf.lobed.veins import VeinSettings, follow_veins
 
 Floats = NDArray[np.float64]
 
-_SMOOTHER = (0.5, 1.0, 2.0, 4.0)  # than the medial axis: skeletons along veins are tried in this order
+_SMOOTHER = (0.5, 2.0)  # than the medial axis: skeletons along veins are tried in this order
 _STEP_PX = 1.5  # between samples of the silhouette, of which the medial axis is found
 
 
@@ -99,18 +99,39 @@ def _along_veins(
 ) -> FlatLobedLeaf | None:
     """The leaf with a skeleton along its veins, from the base to the same tips; None where each one tears the surface.
 
-    The more a skeleton is smoothed, the less it follows the veins.
+    A skeleton that folds ties is made smoother first, and follows the veins less then. Where it folds them still, the
+    lobes whose limbs do so lose these, as long as lobes remain.
     """
     tips = [node for node in range(len(limbs.nodes)) if len(limbs.limbs_of(node)) == 1 and node != limbs.base]
-    base = limbs.nodes[limbs.base]
-    axis = follow_veins(veins, mask, base * [1, -1], limbs.nodes[tips] * [1, -1], settings.veins)
-    for smoother in _SMOOTHER:
-        skeleton = replace(settings.skeleton, smooth=settings.skeleton.smooth * smoother)
-        try:
-            along = build_limbs(axis, outline, base, skeleton)
-            ties = lay_ties(along, outline, settings.ties)
-        except ValueError:
-            continue
-        if (ties.areas() > 0).all():
-            return FlatLobedLeaf(silhouette=silhouette, limbs=along, ties=ties, on_veins=True)
+    base, ends = limbs.nodes[limbs.base], limbs.nodes[tips]
+    while len(ends):
+        axis = follow_veins(veins, mask, base * [1, -1], ends * [1, -1], settings.veins)
+        torn = ends[:0]
+        for smoother in _SMOOTHER:
+            skeleton = replace(settings.skeleton, smooth=settings.skeleton.smooth * smoother)
+            try:
+                along = build_limbs(axis, outline, base, skeleton)
+                ties = lay_ties(along, outline, settings.ties)
+            except ValueError:
+                continue
+            folded = ties.node[ties.areas() <= 0]
+            if not len(folded):
+                return FlatLobedLeaf(silhouette=silhouette, limbs=along, ties=ties, on_veins=True)
+            torn = _tips_of(along, ties, folded)
+        kept = np.ones(len(ends), bool)
+        for tip in torn:
+            kept[np.argmin(((ends - tip) ** 2).sum(axis=1))] = False
+        if kept.all() or kept.sum() < min(2, len(tips)):
+            return None
+        ends = ends[kept]
     return None
+
+
+def _tips_of(limbs: LimbTree, ties: Ties, nodes: NDArray[np.int64]) -> Floats:
+    """(N, 2) the tips, but for the base, of the limbs on which some nodes of ties lie."""
+    tips = []
+    for limb, inner in zip(limbs.limbs, ties.limb_nodes, strict=True):
+        ends = [node for node in (limb.begin, limb.end) if node != limbs.base and len(limbs.limbs_of(node)) == 1]
+        if ends and np.isin(nodes, inner).any():
+            tips.append(limbs.nodes[ends[0]])
+    return np.array(tips).reshape(-1, 2)

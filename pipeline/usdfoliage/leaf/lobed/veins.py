@@ -29,6 +29,7 @@ Mask = NDArray[np.bool_]
 _AROUND = np.array([(0, 1), (1, 0), (1, 1), (1, -1)])  # steps to neighbours, down and right; others are their reverse
 _SHORTCUT = 0.02  # cost of a pixel on the clearest vein, where one between veins costs 1
 _RIM = 3.0  # cost at the silhouette beside that inside, since a path along it leaves no room for ties
+_OFF_TIP = 0.3  # cost of a pixel between the tip of a lobe and the end of its vein
 _RAYS = 48
 
 
@@ -40,12 +41,13 @@ class VeinSettings:
     width: float = 0.006  # of a vein in the picture
     join: float = 0.06  # Forks nearer to each other are joined.
     clear: float = 0.02  # of the silhouette, in which a path is dear
+    hub: float = 0.03  # from the base to where veins part
+    tip: float = 0.09  # from the tip of the medial axis to where the vein of that lobe ends
 
     def __post_init__(self) -> None:
-        if not (self.grain_px >= 50 and self.width > 0 and self.join >= 0 and self.clear > 0):
+        if not (self.grain_px >= 50 and self.width > 0 and self.join >= 0 and min(self.clear, self.hub, self.tip) > 0):
             raise ValueError(
-                "grain_px must be at least 50, width and clear above 0, and join not below 0, "
-                f"not {self.grain_px:g}, {self.width:g}, {self.clear:g} and {self.join:g}"
+                f"grain_px must be at least 50, width, clear, hub and tip above 0, and join not below 0, not {self}"
             )
 
 
@@ -160,33 +162,50 @@ def follow_veins(
     number[room] = np.arange(room.sum())
     places = np.argwhere(room)[:, ::-1] + 0.5
     graph = _join_pixels(number, cost)
-    nearest = [int(np.argmin(((places * step - place) ** 2).sum(axis=1))) for place in [base_px, *tips_px]]
-    away, before = dijkstra(graph, directed=False, indices=nearest[0], return_predecessors=True)
+    hub = _find_hub(places, deep[room], clear[room], base_px / step, settings)
+    away, before = dijkstra(graph, directed=False, indices=hub, return_predecessors=True)
+    rim = np.flatnonzero(deep[room] < 2)
+    ends = {_find_end(places, rim, away, tip / step, settings.tip * settings.grain_px) for tip in tips_px} - {hub}
     paths = []
-    for tip in sorted(set(nearest[1:]) - {nearest[0]}, key=lambda place: (-away[place], place)):
+    for tip in sorted(ends, key=lambda place: (-away[place], place)):
         if np.isfinite(away[tip]):
             path = [tip]
-            while path[-1] != nearest[0]:
+            while path[-1] != hub:
                 path.append(int(before[path[-1]]))
             paths.append(path[::-1])
     if not paths:
         raise ValueError("no tip of a lobe is reached from the base")
     joined = _join_forks(paths, places, settings.join * settings.grain_px)
     axis = _as_axis(joined, places * step, deep[room] * step.mean())
-    return _add_petiole(axis, places[nearest[0]] * step * [1, -1], blade)
+    return _add_petiole(axis, places[hub] * step * [1, -1], base_px * [1, -1])
 
 
-def _add_petiole(axis: MedialAxis, base: Floats, blade: Mask) -> MedialAxis:
-    """A tree that begins in a tip: where veins part at the base, a limb goes on to the nearest place of the outside."""
-    place = int(np.argmin(((axis.places - base) ** 2).sum(axis=1)))
-    if len(axis.neighbors[place]) == 1:
-        return axis
-    wide = np.argwhere(np.pad(~blade, 1, constant_values=True))[:, ::-1] - 0.5  # the padding shifts by one pixel
-    out = wide[np.argmin(((wide * [1, -1] - axis.places[place]) ** 2).sum(axis=1))] * [1, -1] - axis.places[place]
-    gap = float(np.linalg.norm(out))
-    steps = max(2, int(gap))
+def _find_hub(places: Floats, deep: Floats, clear: Floats, base: Floats, settings: VeinSettings) -> int:
+    """Where veins part: close to the base, with room around it for ties, on the clearest vein there is."""
+    room = settings.hub * settings.grain_px
+    away = np.linalg.norm(places - base, axis=1)
+    worth = clear + np.minimum(deep / room, 1) - 0.5 * np.maximum(away / room - 1, 0)
+    worth[away > 3 * room] = -np.inf
+    near = int(np.argmax(worth))
+    return near if np.isfinite(worth[near]) else int(np.argmin(away))
+
+
+def _find_end(places: Floats, rim: Ints, away: Floats, tip: Floats, reach: float) -> int:
+    """The place of the rim near the tip of a lobe at which its vein arrives."""
+    apart = np.linalg.norm(places[rim] - tip, axis=1)
+    near = apart <= reach
+    if not near.any():
+        return int(np.argmin(((places - tip) ** 2).sum(axis=1)))
+    return int(rim[near][np.argmin(away[rim[near]] + _OFF_TIP * apart[near])])
+
+
+def _add_petiole(axis: MedialAxis, hub: Floats, base: Floats) -> MedialAxis:
+    """A tree that begins in a tip: from the place where its veins part a limb goes to the base."""
+    place = int(np.argmin(((axis.places - hub) ** 2).sum(axis=1)))
+    out = base - axis.places[place]
+    steps = max(2, int(np.linalg.norm(out)))
     first = len(axis.places)
-    part = np.arange(1, steps + 1)[:, None] / steps * 0.6  # the rest is left to what makes tips longer
+    part = np.arange(1, steps + 1)[:, None] / steps
     neighbors = [*axis.neighbors, *((first + step - 1, first + step + 1) for step in range(steps))]
     neighbors[place] = (*axis.neighbors[place], first)
     neighbors[first] = (place, first + 1)
