@@ -19,7 +19,7 @@ from usdfoliage.leaf.lobed.silhouette import (
 )
 from usdfoliage.leaf.lobed.skeleton import LimbTree, SkeletonSettings, build_limbs
 from usdfoliage.leaf.lobed.ties import Ties, TieSettings, lay_ties
-from usdfoliage.leaf.lobed.veins import VeinSettings, follow_veins
+from usdfoliage.leaf.lobed.veins import VeinPaths, VeinSettings, find_paths, find_vein_ends, follow_veins
 
 Floats = NDArray[np.float64]
 
@@ -97,15 +97,29 @@ def _along_veins(
     veins: NDArray[np.float32],
     settings: LobedLeafSettings,
 ) -> FlatLobedLeaf | None:
-    """The leaf with a skeleton along its veins, from the base to the same tips; None where each one tears the surface.
+    """The leaf with a skeleton along its veins; None where each one tears the surface.
 
-    A skeleton that folds ties is made smoother first, and follows the veins less then. Where it folds them still, the
-    lobes whose limbs do so lose these, as long as lobes remain.
+    Veins go to the tips that the medial axis has, one to each lobe. A skeleton that folds ties is made smoother first,
+    and follows the veins less then. Where it folds them still, the tips of the limbs that do so are left out; if that
+    does not help, the ends of the clearest veins are tips instead.
     """
     tips = [node for node in range(len(limbs.nodes)) if len(limbs.limbs_of(node)) == 1 and node != limbs.base]
-    base, ends = limbs.nodes[limbs.base], limbs.nodes[tips]
-    while len(ends):
-        axis = follow_veins(veins, mask, base * [1, -1], ends * [1, -1], settings.veins)
+    base = limbs.nodes[limbs.base]
+    paths = find_paths(veins, mask, base, settings.veins)
+    for ends in (limbs.nodes[tips], find_vein_ends(paths, outline, settings.veins)):
+        leaf = _without_folds(silhouette, outline, base, paths, ends, settings)
+        if leaf is not None:
+            return leaf
+    return None
+
+
+def _without_folds(
+    silhouette: Silhouette, outline: Floats, base: Floats, paths: VeinPaths, ends: Floats, settings: LobedLeafSettings
+) -> FlatLobedLeaf | None:
+    """The leaf with paths along veins to as many of the ends (N, 2) as do not fold its ties; None for too few."""
+    fewest = max(1, (len(ends) + 1) // 2)
+    while len(ends) >= fewest:
+        axis = follow_veins(paths, ends, settings.veins)
         torn = ends[:0]
         for smoother in _SMOOTHER:
             skeleton = replace(settings.skeleton, smooth=settings.skeleton.smooth * smoother)
@@ -121,7 +135,7 @@ def _along_veins(
         kept = np.ones(len(ends), bool)
         for tip in torn:
             kept[np.argmin(((ends - tip) ** 2).sum(axis=1))] = False
-        if kept.all() or kept.sum() < min(2, len(tips)):
+        if kept.all():
             return None
         ends = ends[kept]
     return None

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 
 from usdfoliage.leaf.lobed.medial_axis import MedialAxis
 
@@ -30,6 +31,7 @@ _AROUND = np.array([(0, 1), (1, 0), (1, 1), (1, -1)])  # steps to neighbours, do
 _SHORTCUT = 0.02  # cost of a pixel on the clearest vein, where one between veins costs 1
 _RIM = 3.0  # cost at the silhouette beside that inside, since a path along it leaves no room for ties
 _OFF_TIP = 0.3  # cost of a pixel between the tip of a lobe and the end of its vein
+_FOLLOWED = 0.05  # cost of a pixel of a path, above twice the cheapest, that still follows a vein
 _RAYS = 48
 
 
@@ -42,6 +44,8 @@ class VeinSettings:
     join: float = 0.06  # Forks nearer to each other are joined.
     clear: float = 0.02  # of the silhouette, in which a path is dear
     hub: float = 0.03  # from the base to where veins part
+    shortest: float = 0.25  # from where veins part to the end of one, where ends are found by veins alone
+    apart: float = 0.3  # between two such ends
     tip: float = 0.09  # from the tip of the medial axis to where the vein of that lobe ends
 
     def __post_init__(self) -> None:
@@ -125,59 +129,105 @@ def choose_base(ends: Floats, veins: NDArray[np.float32], blade: Mask) -> Floats
     return np.asarray(ends[int(np.argmax(scores))])
 
 
-def follow_veins(
-    veins: NDArray[np.float32],
-    blade: Mask,
-    base_px: Floats,
-    tips_px: Floats,
-    settings: VeinSettings = VeinSettings(),
-) -> MedialAxis:
-    """The tree of the cheapest paths along veins, in the form of a medial axis.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VeinPaths:
+    """The cheapest paths from the place where veins part to each pixel of a blade."""
+
+    places: Floats  # (P, 2), pixels with y up
+    away: Floats  # (P,), what it costs to get there
+    before: Ints  # (P,), the pixel through which, below 0 at the first one
+    deep: Floats  # (P,), how far it is from the outside, pixels of the picture
+    rim: Ints  # those beside the outside
+    hub: int  # the place where veins part
+    base: Floats  # (2,), where the leaf begins
+    size: float  # the root of the area of the blade, pixels
+
+
+def find_paths(
+    veins: NDArray[np.float32], blade: Mask, base_px: Floats, settings: VeinSettings = VeinSettings()
+) -> VeinPaths:
+    """The cheapest paths inside a blade, along its veins where there are any.
 
     Args:
         veins: (H, W), how clearly each pixel is on a vein, 0 to 1.
         blade: (H, W), which no path leaves.
-        base_px: (2,), where all paths begin, pixels with y down.
-        tips_px: (N, 2), where they end.
+        base_px: (2,), where the leaf begins, pixels with y up.
         settings: How veins are followed.
+
+    Raises:
+        ValueError: The blade is empty, or veins are of another size.
+    """
+    if veins.shape != blade.shape or not blade.any():
+        raise ValueError(f"veins {veins.shape} and a blade {blade.shape} of {int(blade.sum())} pixels do not match")
+    scale = min(1.0, settings.grain_px / float(np.sqrt(blade.sum())))
+    size = max(2, round(blade.shape[1] * scale)), max(2, round(blade.shape[0] * scale))
+    step = np.array([blade.shape[1] / size[0], -blade.shape[0] / size[1]])
+    # A thin neck of the blade must not part: what has any part of a pixel counts.
+    room = cv2.resize(blade.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.25
+    if not room.any():
+        raise ValueError("the blade is too thin for a path")
+    deep = cv2.distanceTransform(np.pad(room, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    clear = cv2.resize(veins, size, interpolation=cv2.INTER_AREA)
+    clear = np.clip(clear / max(float(clear.max()), 1e-6), 0, 1)
+    dear = 1 + (_RIM - 1) * np.clip(1 - deep / (settings.clear * settings.grain_px), 0, 1)
+    cost = dear * _SHORTCUT / (_SHORTCUT + (1 - _SHORTCUT) * clear)
+    number = np.full(room.shape, -1, np.int64)
+    number[room] = np.arange(room.sum())
+    places = np.argwhere(room)[:, ::-1] + 0.5
+    hub = _find_hub(places, deep[room], clear[room], base_px / step, settings)
+    away, before = dijkstra(_join_pixels(number, cost), directed=False, indices=hub, return_predecessors=True)
+    return VeinPaths(
+        places=places * step,
+        away=away,
+        before=before,
+        deep=deep[room] * step[0],
+        rim=np.flatnonzero((deep[room] < 2) & np.isfinite(away)),
+        hub=hub,
+        base=base_px,
+        size=float(np.sqrt(blade.sum())),
+    )
+
+
+def find_vein_ends(paths: VeinPaths, outline: Floats, settings: VeinSettings = VeinSettings()) -> Floats:
+    """(N, 2) where the clearest veins arrive at an outline (K, 2), y up: one place in each part of it.
+
+    A path along a vein costs little for its length; of the outline's places close to each other the cheapest is taken.
+    """
+    if not len(paths.rim):
+        return np.empty((0, 2))
+    nearest = paths.rim[cKDTree(paths.places[paths.rim]).query(outline)[1]]
+    far = np.linalg.norm(paths.places[nearest] - paths.places[paths.hub], axis=1)
+    mean = paths.away[nearest] / np.maximum(far, 1e-9)
+    ends: list[Floats] = []
+    for place in np.argsort(mean, kind="stable").tolist():
+        if mean[place] > 2 * mean.min() + _FOLLOWED:
+            break
+        point = outline[place]
+        if far[place] < settings.shortest * paths.size:
+            continue
+        if all(float(np.linalg.norm(point - end)) > settings.apart * paths.size for end in ends):
+            ends.append(point)
+    return np.array(ends).reshape(-1, 2)
+
+
+def follow_veins(paths: VeinPaths, tips: Floats, settings: VeinSettings = VeinSettings()) -> MedialAxis:
+    """The tree of the cheapest paths to the tips (N, 2) of lobes, y up, in the form of a medial axis.
 
     Raises:
         ValueError: No tip can be reached inside the blade.
     """
-    scale = min(1.0, settings.grain_px / max(float(np.sqrt(blade.sum())), 1.0))
-    size = max(2, round(blade.shape[1] * scale)), max(2, round(blade.shape[0] * scale))
-    step = np.array([blade.shape[1] / size[0], blade.shape[0] / size[1]])
-    # A thin neck of the blade must not part: what has any part of a pixel counts.
-    room = cv2.resize(blade.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.25
-    if not room.any():
+    ends = {_find_end(paths, tip, settings.tip * paths.size) for tip in tips} - {paths.hub}
+    ways = []
+    for end in sorted(ends, key=lambda place: (-paths.away[place], place)):
+        if np.isfinite(paths.away[end]):
+            way = [end]
+            while way[-1] != paths.hub:
+                way.append(int(paths.before[way[-1]]))
+            ways.append(way[::-1])
+    if not ways:
         raise ValueError("no tip of a lobe is reached from the base")
-    deep = cv2.distanceTransform(np.pad(room, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
-    clear = cv2.resize(veins, size, interpolation=cv2.INTER_AREA)
-    peak = float(clear.max())
-    clear = clear / peak if peak > 0 else clear
-    near = settings.clear * settings.grain_px
-    dear = 1 + (_RIM - 1) * np.clip(1 - deep / near, 0, 1)
-    cost = dear * _SHORTCUT / (_SHORTCUT + (1 - _SHORTCUT) * np.clip(clear, 0, 1))
-    number = np.full(room.shape, -1, np.int64)
-    number[room] = np.arange(room.sum())
-    places = np.argwhere(room)[:, ::-1] + 0.5
-    graph = _join_pixels(number, cost)
-    hub = _find_hub(places, deep[room], clear[room], base_px / step, settings)
-    away, before = dijkstra(graph, directed=False, indices=hub, return_predecessors=True)
-    rim = np.flatnonzero(deep[room] < 2)
-    ends = {_find_end(places, rim, away, tip / step, settings.tip * settings.grain_px) for tip in tips_px} - {hub}
-    paths = []
-    for tip in sorted(ends, key=lambda place: (-away[place], place)):
-        if np.isfinite(away[tip]):
-            path = [tip]
-            while path[-1] != hub:
-                path.append(int(before[path[-1]]))
-            paths.append(path[::-1])
-    if not paths:
-        raise ValueError("no tip of a lobe is reached from the base")
-    joined = _join_forks(paths, places, settings.join * settings.grain_px)
-    axis = _as_axis(joined, places * step, deep[room] * step.mean())
-    return _add_petiole(axis, places[hub] * step * [1, -1], base_px * [1, -1])
+    chains = _join_forks(ways, paths.places, settings.join * paths.size)
+    return _add_petiole(_as_axis(chains, paths.places, paths.deep), paths.places[paths.hub], paths.base)
 
 
 def _find_hub(places: Floats, deep: Floats, clear: Floats, base: Floats, settings: VeinSettings) -> int:
@@ -190,13 +240,15 @@ def _find_hub(places: Floats, deep: Floats, clear: Floats, base: Floats, setting
     return near if np.isfinite(worth[near]) else int(np.argmin(away))
 
 
-def _find_end(places: Floats, rim: Ints, away: Floats, tip: Floats, reach: float) -> int:
+def _find_end(paths: VeinPaths, tip: Floats, reach: float) -> int:
     """The place of the rim near the tip of a lobe at which its vein arrives."""
-    apart = np.linalg.norm(places[rim] - tip, axis=1)
+    apart = np.linalg.norm(paths.places[paths.rim] - tip, axis=1)
     near = apart <= reach
     if not near.any():
-        return int(np.argmin(((places - tip) ** 2).sum(axis=1)))
-    return int(rim[near][np.argmin(away[rim[near]] + _OFF_TIP * apart[near])])
+        return int(np.argmin(((paths.places - tip) ** 2).sum(axis=1)))
+    # Costs are those of pixels of the reduced picture, as distances must be.
+    grain = float(np.abs(np.diff(np.unique(paths.places[:, 0]))).min(initial=1.0))
+    return int(paths.rim[near][np.argmin(paths.away[paths.rim[near]] + _OFF_TIP / grain * apart[near])])
 
 
 def _add_petiole(axis: MedialAxis, hub: Floats, base: Floats) -> MedialAxis:
@@ -281,7 +333,7 @@ def _join_forks(paths: Sequence[Sequence[int]], places: Floats, join: float) -> 
 
 
 def _as_axis(chains: Sequence[Sequence[int]], places: Floats, radius: Floats) -> MedialAxis:
-    """Chains as a tree of places, y up."""
+    """Chains as a tree of places."""
     used = sorted({place for chain in chains for place in chain})
     number = {place: index for index, place in enumerate(used)}
     neighbors: list[list[int]] = [[] for _ in used]
@@ -290,4 +342,4 @@ def _as_axis(chains: Sequence[Sequence[int]], places: Floats, radius: Floats) ->
             neighbors[number[one]].append(number[other])
             neighbors[number[other]].append(number[one])
     kept = places[used]
-    return MedialAxis(places=kept * [1, -1], radius=radius[used], neighbors=tuple(map(tuple, neighbors)))
+    return MedialAxis(places=kept, radius=radius[used], neighbors=tuple(map(tuple, neighbors)))
