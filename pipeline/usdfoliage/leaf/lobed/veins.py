@@ -32,6 +32,7 @@ _SHORTCUT = 0.02  # cost of a pixel on the clearest vein, where one between vein
 _RIM = 3.0  # cost at the silhouette beside that inside, since a path along it leaves no room for ties
 _OFF_TIP = 0.3  # cost of a pixel between the tip of a lobe and the end of its vein
 _FOLLOWED = 0.05  # cost of a pixel of a path, above twice the cheapest, that still follows a vein
+_HIDDEN = 0.15  # how clear a vein under the petiole counts
 _RAYS = 48
 
 
@@ -55,7 +56,9 @@ class VeinSettings:
             )
 
 
-def measure_veins(srgb: NDArray[np.uint8], blade: Mask, settings: VeinSettings = VeinSettings()) -> NDArray[np.float32]:
+def measure_veins(
+    srgb: NDArray[np.uint8], blade: Mask, petiole: Mask | None = None, settings: VeinSettings = VeinSettings()
+) -> NDArray[np.float32]:
     """(H, W) how clearly each pixel of a blade is on a vein, 0 to 1, from the ridges of its colours.
 
     Veins may be lighter or darker than the blade, or have another hue: each of the three channels of Lab counts by how
@@ -64,6 +67,7 @@ def measure_veins(srgb: NDArray[np.uint8], blade: Mask, settings: VeinSettings =
     Args:
         srgb: (H, W, 3), of the picture.
         blade: (H, W).
+        petiole: (H, W), where it lies over the blade and hides veins: these may go on there. None for no petiole.
         settings: How wide veins are.
     """
     size = float(np.sqrt(blade.sum()))
@@ -94,7 +98,12 @@ def measure_veins(srgb: NDArray[np.uint8], blade: Mask, settings: VeinSettings =
                 best, highest = ridge, strength
         total = total + best
     top = float(np.percentile(total[inside], 98.5))
-    return np.asarray(np.clip(total / max(top, 1e-6), 0, 1) * inside, np.float32)
+    clear = np.clip(total / max(top, 1e-6), 0, 1) * inside
+    if petiole is not None and petiole.any():
+        reach = max(1, round(2 * settings.width * size))
+        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+        clear[(cv2.dilate(petiole.astype(np.uint8), disc) > 0) & inside] = _HIDDEN
+    return np.asarray(clear, np.float32)
 
 
 def draw_veins(region: Mask, blade: Mask) -> NDArray[np.float32]:
