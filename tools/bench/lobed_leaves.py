@@ -199,7 +199,9 @@ def main() -> int:
         for how, mask in others:
             other, own = _run(replace(case, name=how, mask=mask, true=enlarge(mask)))
             if own.lobes != figures.lobes or own.iou < 0.96 or own.flipped:
-                changed.append(f"{case.name} {how}: {figures.lobes} lobes, then {own.lobes}; {line('', own, case.lobed)}")
+                changed.append(
+                    f"{case.name} {how}: {figures.lobes} lobes, then {own.lobes}; {line('', own, case.lobed)}"
+                )
                 tiles.append(draw(other, replace(case, mask=mask), f"{case.name[:22]} {how} {own.lobes}"))
         tiles.append(draw(leaf, case, f"{case.name[:28]} {figures.lobes}"))
     print(*changed, sep="\n")

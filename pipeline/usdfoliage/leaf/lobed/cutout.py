@@ -34,6 +34,7 @@ _CLEAR = 6.0  # Lab units, from the colours of the ground, that a threshold is a
 _TOO_FINE = 0.004  # of the longer side: notches and bridges of that width in a mask are noise
 _PALE = 0.35  # of the difference in colour that the most colourful piece has: less is a dot, ink or a table
 _LAMP = 2.0  # Lab units of lightness, by which what a lamp mirrors in is brighter than paper
+_STRIP = 4.0  # times as long as wide, is a strip along the border that is no leaf
 _BOX = 4  # pixels around a leaf in its own mask
 
 
@@ -247,7 +248,9 @@ def _sort_pieces(
         if chroma[each] >= _PALE * vivid and not _is_edge(labels == each) and not lamps[labels == each].mean() > 0.5
     ]
     if not leafy:
-        raise FitError("no leaf was found: what differs from the ground lies along the border", "Give the mask of the leaf")
+        raise FitError(
+            "no leaf was found: what differs from the ground lies along the border", "Give the mask of the leaf"
+        )
     largest = max(filled[leafy])
     kept = sorted((each for each in leafy if filled[each] >= settings.dust * largest), key=lambda each: -filled[each])
     leaves = []
@@ -279,7 +282,7 @@ def _is_edge(region: Mask) -> bool:
         (region[:, -1], region.shape[0], len(columns)),
     ):
         along = int(side.sum())
-        if along > 0.9 * extent or along > 2 * across:
+        if along > 0.9 * extent or along > _STRIP * across:
             return True
     return False
 

@@ -21,7 +21,7 @@ Mask = NDArray[np.bool_]
 class PetioleSettings:
     """How a petiole looks. Lengths are parts of the root of the leaf's area."""
 
-    width: float = 0.03  # of the widest one
+    width: float = 0.045  # of the widest one
     thinnest: float = 0.009  # of the thinnest one over the blade: veins are thinner
     length: float = 0.1  # of the shortest one
     slender: float = 4.0  # its length, in its widths
@@ -42,9 +42,7 @@ class SplitLeaf:
     ends: Floats  # (2, 2) x and y of the petiole's ends, pixels, y down; (0, 2) where none was found
 
 
-def split_petiole(
-    srgb: NDArray[np.uint8], mask: Mask, settings: PetioleSettings = PetioleSettings()
-) -> SplitLeaf:
+def split_petiole(srgb: NDArray[np.uint8], mask: Mask, settings: PetioleSettings = PetioleSettings()) -> SplitLeaf:
     """The blade and the petiole of a leaf.
 
     Args:
@@ -62,10 +60,10 @@ def split_petiole(
     found |= _colored(lab, full, size, settings)
     found = _close(found, 0.01 * size) & full
     rest = _largest(cv2.morphologyEx((full & ~found).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0)
-    blade = _largest((_close(rest, 0.75 * settings.width * size) & full) | rest)
+    blade = _largest((_close(rest, 0.6 * settings.width * size) & full) | rest)
     # A fringe of the petiole is left where it ends at the blade; tips of teeth are blade.
     off = full & ~blade
-    count, labels = cv2.connectedComponents(off.astype(np.uint8), connectivity=8)
+    _count, labels = cv2.connectedComponents(off.astype(np.uint8), connectivity=8)
     touched = np.isin(labels, np.unique(labels[found & off])) & (labels > 0)
     blade |= off & ~touched
     petiole = _largest(found | touched)
@@ -133,7 +131,9 @@ def _ends(region: Mask) -> Floats:
     other = points[np.argmax(((points - first) ** 2).sum(axis=1))]
     # The middle of what is close to an end, so that it lies on the petiole's own axis.
     reach = 0.05 * np.linalg.norm(other - first) + 1
-    return np.stack([points[np.linalg.norm(points - end, axis=1) <= reach].mean(axis=0) + 0.5 for end in (first, other)])
+    return np.stack(
+        [points[np.linalg.norm(points - end, axis=1) <= reach].mean(axis=0) + 0.5 for end in (first, other)]
+    )
 
 
 def _fill(blade: Mask, hidden: Mask) -> Mask:

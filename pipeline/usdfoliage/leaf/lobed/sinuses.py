@@ -42,9 +42,11 @@ class OpenedSinuses:
 
 def open_sinuses(mask: Mask, settings: SinusSettings = SinusSettings()) -> OpenedSinuses:
     """Cut a mask (H, W) from each hole that is a sinus to the outside of the leaf, as the hole points."""
+    if mask.all() or not mask.any():
+        return OpenedSinuses(mask=mask.copy(), opened=0, holes=0)
     count, labels, measures, _ = cv2.connectedComponentsWithStats((~np.pad(mask, 1)).astype(np.uint8), connectivity=4)
     labels = labels[1:-1, 1:-1]
-    outside = labels == 0 if mask.all() else labels == _outside_label(mask, labels)
+    outside = labels == _outside_label(mask, labels)
     size = float(np.sqrt(mask.sum()))
     lines, _ = cv2.findContours((~outside).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     rim = np.concatenate([line[:, 0, :] for line in lines]).astype(np.float64)

@@ -11,6 +11,7 @@ Source:
     connexion with graphs, 1959. The costs: our own.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -347,7 +348,7 @@ def _as_axis(chains: Sequence[Sequence[int]], places: Floats, radius: Floats) ->
     number = {place: index for index, place in enumerate(used)}
     neighbors: list[list[int]] = [[] for _ in used]
     for chain in chains:
-        for one, other in zip(chain[:-1], chain[1:], strict=True):
+        for one, other in itertools.pairwise(chain):
             neighbors[number[one]].append(number[other])
             neighbors[number[other]].append(number[one])
     kept = places[used]
