@@ -17,6 +17,7 @@ from usdfoliage.geometry.lines import are_inside, polygon_area
 
 Floats = NDArray[np.float64]
 
+_SINUS_PX = 4.0  # from the axis, that a base is at least for a limb of its own
 _NEIGHBORS = 3  # samples of the boundary so near each other make no branch
 
 
@@ -79,9 +80,9 @@ def find_medial_axis(
         parent = before[place]
         beyond = reach[place] + step[place] - radius[parent]
         kept[place] = kept[parent] and beyond >= enough + settings.relative * radius[parent] * (enough > 0)
+    nearest = root
     if base is not None:
-        reachable = order[np.argsort(((places[order] - base) ** 2).sum(axis=1))]
-        place = int(reachable[0])
+        nearest = place = int(order[np.argmin(((places[order] - base) ** 2).sum(axis=1))])
         while place != root:
             kept[place] = True
             place = int(before[place])
@@ -92,7 +93,28 @@ def find_medial_axis(
             one, other = int(number[place]), int(number[before[place]])
             neighbors[one].append(other)
             neighbors[other].append(one)
-    return MedialAxis(places=places[kept], radius=radius[kept], neighbors=tuple(map(tuple, neighbors)))
+    axis = MedialAxis(places=places[kept], radius=radius[kept], neighbors=tuple(map(tuple, neighbors)))
+    return axis if base is None else _reach_base(axis, int(number[nearest]), base)
+
+
+def _reach_base(axis: MedialAxis, nearest: int, base: Floats) -> MedialAxis:
+    """An axis with a straight limb to the base, if that lies in a sinus, into which no medial axis goes."""
+    from_axis = base - axis.places[nearest]
+    gap, radius = float(np.linalg.norm(from_axis)), float(axis.radius[nearest])
+    if gap < max(_SINUS_PX, radius / 2):
+        return axis
+    steps = max(4, int(gap))
+    part = np.arange(1, steps + 1) / steps * 0.8  # the rest is left to what makes tips longer
+    first = len(axis.places)
+    neighbors = [*axis.neighbors, *((first + step - 1, first + step + 1) for step in range(steps))]
+    neighbors[nearest] = (*axis.neighbors[nearest], first)
+    neighbors[first] = (nearest, first + 1)
+    neighbors[-1] = (first + steps - 2,)
+    return MedialAxis(
+        places=np.concatenate([axis.places, axis.places[nearest] + part[:, None] * from_axis]),
+        radius=np.concatenate([axis.radius, radius * (1 - part)]),
+        neighbors=tuple(neighbors),
+    )
 
 
 def _voronoi_inside(outline: Floats) -> tuple[Floats, NDArray[np.int64]]:

@@ -37,6 +37,7 @@ class TieSettings:
     most: int = 700  # about so many in all: in larger leaves they are farther apart
     samples: int = 4  # places of the outline between neighbours, to which a tie may slide
     slides: tuple[int, ...] = (4, 8, 16)  # spacings by which it may slide; more where a quad is folded else
+    leans: tuple[float, ...] = (0.5, 1.0)  # of ties towards tips, in their lengths, tried where quads are folded else
     off_outline: float = 2.0  # a square pixel of the outline's distance from the edge between ties
     off_place: float = 0.125  # a squared spacing by which a tie slid
     uneven: float = 0.3  # a squared part by which an edge is longer or shorter than it would be
@@ -97,26 +98,69 @@ def lay_ties(tree: LimbTree, outline: Floats, settings: TieSettings = TieSetting
         passed = limb_nodes[limb] if forward else limb_nodes[limb][::-1]
         walk += passed[1:].tolist()
         place += (anchor[number] + (anchor[number + 1] - anchor[number]) * np.linspace(0, 1, len(passed))[1:]).tolist()
-    best = None
+    best = _slide_best(tree, nodes, limb_nodes, np.array(walk), np.array(place), samples, settings)
+    if best is None:
+        raise ValueError("no railroad ties go around the outline")
+    for lean in settings.leans if best[0] else ():
+        leaning = _lean(nodes[walk], np.array(place), legs, limb_nodes, samples, lean)
+        other = _slide_best(tree, nodes, limb_nodes, np.array(walk), leaning, samples, settings)
+        if other is not None and other[0] < best[0]:
+            best = other
+    return best[1]
+
+
+def _slide_best(
+    tree: LimbTree,
+    nodes: Floats,
+    limb_nodes: tuple[Ints, ...],
+    walk: Ints,
+    place: Floats,
+    samples: Floats,
+    settings: TieSettings,
+) -> tuple[int, Ties] | None:
+    """How many quads are folded at the slide that folds the fewest, and the ties then; None where none go around."""
+    best: tuple[int, Ties] | None = None
     for slide in settings.slides:
-        foot = _slide(nodes[walk], np.array(place), samples, slide * settings.samples, settings)
+        foot = _slide(nodes[walk], place, samples, slide * settings.samples, settings)
         if foot is None:
             continue
         ties = Ties(
-            nodes=nodes,
-            limb_nodes=limb_nodes,
-            node=np.array(walk[:-1]),
-            foot=samples[foot[:-1] % len(samples)],
-            base=tree.base,
+            nodes=nodes, limb_nodes=limb_nodes, node=walk[:-1], foot=samples[foot[:-1] % len(samples)], base=tree.base
         )
         folded = int((ties.areas() <= 0).sum())
         if best is None or folded < best[0]:
             best = folded, ties
         if not folded:
             break
-    if best is None:
-        raise ValueError("no railroad ties go around the outline")
-    return best[1]
+    return best
+
+
+def _lean(
+    walk: Floats,
+    place: Floats,
+    legs: Sequence[tuple[int, bool]],
+    limb_nodes: Sequence[Ints],
+    samples: Floats,
+    lean: float,
+) -> Floats:
+    """(M + 1,) places of the outline that lie nearer to tips than place (M + 1,) does, by a part of each tie's length.
+
+    Beside teeth that point to the tip, ties that lean as veins do are less folded. At the ends of each leg they stay
+    where they are.
+    """
+    step = float(np.linalg.norm(np.diff(samples, axis=0), axis=1).mean())
+    leaning = place.copy()
+    first = 0
+    for limb, forward in legs:
+        last = first + len(limb_nodes[limb]) - 1
+        inner = slice(first, last + 1)
+        long = np.linalg.norm(samples[np.round(place[inner]).astype(np.int64) % len(samples)] - walk[inner], axis=1)
+        room = np.minimum(place[inner] - place[first], place[last] - place[inner])
+        ahead = np.minimum(lean * long / step, 0.8 * room)
+        leaning[inner] = place[inner] + (ahead if forward else -ahead)
+        leaning[inner] = np.maximum.accumulate(leaning[inner])
+        first = last
+    return leaning
 
 
 def _from_base(tree: LimbTree, outline: Floats, count: int) -> Floats:
