@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from usdfoliage.forest import crown_search
 from usdfoliage.forest.crown_search import crown_radii
-from usdfoliage.forest.crown_tiles import CrownTile, cut_tiles, tile_facts
-from usdfoliage.forest.raster import Raster, to_ground
+from usdfoliage.forest.crown_tiles import cut_tiles, cut_windows, middles_m, tile_facts
+from usdfoliage.forest.raster import Raster
 from usdfoliage.forest.raster_files import read_raster
 from usdfoliage.forest.tree_tops import fill_canopy
 from usdfoliage.geometry.color import decode_srgb
@@ -30,7 +30,9 @@ from tools.synthetic_forest import Scene, Species, make
 
 OUTPUT = Path(crown_search.__file__).with_name("crown_weights.toml")
 HIDDEN = (28, 14)
-CELLS = 350  # of a tile and radius, that are learned from
+CELLS = 350  # of 4,000 candidates of a radius, that are learned from
+MAX_TILES = 4  # such numbers of candidates, that count
+RADII_M = 0.8, 8.0
 WRONG_SIDE = 0.5
 BATCH, STEPS = 512, 6000
 TURNS = 2
@@ -139,33 +141,27 @@ def learn_from(
 ) -> Lesson:
     """Cells of one forest: more of those on crowns, and of those that are answered wrongly."""
     facts, worth = [], []
-    for radius in crown_radii((0.8, 8.0), picture.cell_m):
-        turns = [(float(rng.uniform(-12, 12)), 1.0)]
-        if picture.values.ndim == 3:
-            turns.append((float(rng.uniform(45, 315)), WRONG_SIDE))
-        for turn, factor in turns:
-            for tile in cut_tiles(picture, radius, sun_deg + turn, 4):
+    for window in cut_windows(picture, RADII_M[1]):
+        for radius in crown_radii(RADII_M, picture.cell_m):
+            turns = [(float(rng.uniform(-12, 12)), 1.0)]
+            if picture.values.ndim == 3:
+                turns.append((float(rng.uniform(45, 315)), WRONG_SIDE))
+            tiles = cut_tiles(window, radius, [sun_deg + turn for turn, _factor in turns])
+            for tile, (_turn, factor) in zip(tiles, turns, strict=True):
                 mask = np.zeros(tile.seen.shape, bool)
                 mask[::STEP, ::STEP] = tile.seen[::STEP, ::STEP]
-                row, column = np.nonzero(mask)
-                if not len(row):
+                if not mask.any():
                     continue
-                found = tile_facts(tile, row, column).T
-                value = factor * circle_overlap(middles_of(picture, tile, row, column), radius, trees)
+                found = tile_facts(tile, mask)
+                value = factor * circle_overlap(middles_m(picture, tile, mask), radius, trees)
                 odds = 0.03 + value**2
                 if known is not None:
                     odds += 3 * np.abs(answer_of(found, known) - value) ** 2
-                wanted = int((CELLS if factor == 1 else CELLS // 4) * (len(row) / 4000 + 0.02))
-                taken = rng.choice(len(odds), min(wanted, len(row)), replace=False, p=odds / odds.sum())
+                wanted = int((CELLS if factor == 1 else CELLS // 4) * (min(len(value) / 4000, MAX_TILES) + 0.02))
+                taken = rng.choice(len(odds), min(wanted, len(value)), replace=False, p=odds / odds.sum())
                 facts.append(found[taken])
                 worth.append(value[taken])
     return Lesson(facts=np.concatenate(facts), worth=np.concatenate(worth).astype(np.float32))
-
-
-def middles_of(picture: Raster, tile: CrownTile, row: Array, column: Array) -> Array:
-    """(N, 2) places of the middles of cells on the ground."""
-    cells = np.stack([column, row], axis=-1) + 0.5
-    return to_ground(picture, cells @ tile.pixel_from_cell[:, :2].T + tile.pixel_from_cell[:, 2])
 
 
 def answer_of(facts: NDArray[np.float32], network: Network) -> NDArray[np.float32]:
