@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from usdfoliage.forest import crown_search
-from usdfoliage.forest.crown_search import crown_radii
+from usdfoliage.forest.crown_search import crown_radii, shared_area
 from usdfoliage.forest.crown_tiles import cut_tiles, cut_windows, middles_m, tile_facts
 from usdfoliage.forest.raster import Raster
 from usdfoliage.forest.raster_files import read_raster
@@ -110,12 +110,9 @@ def circle_overlap(place_m: Array, radius_m: float, trees: Array) -> Array:
     count = min(4, len(trees))
     away, near = (np.asarray(each) for each in cKDTree(trees[:, :2]).query(place_m, k=[*range(1, count + 1)]))
     for number in range(count):
-        d, other = np.maximum(away[:, number], 1e-9), trees[near[:, number], 3]
-        r, s = np.full_like(other, radius_m), other
-        a = np.arccos(np.clip((d**2 + r**2 - s**2) / (2 * d * r), -1, 1))
-        b = np.arccos(np.clip((d**2 + s**2 - r**2) / (2 * d * s), -1, 1))
-        shared = r**2 * (a - np.sin(2 * a) / 2) + s**2 * (b - np.sin(2 * b) / 2)
-        best = np.maximum(best, shared / (np.pi * (r**2 + s**2) - shared))
+        other_m = trees[near[:, number], 3]
+        shared = shared_area(away[:, number], np.full_like(other_m, radius_m), other_m)
+        best = np.maximum(best, shared / (np.pi * (radius_m**2 + other_m**2) - shared))
     return best
 
 

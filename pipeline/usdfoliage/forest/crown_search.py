@@ -36,6 +36,7 @@ LOWEST_SCORE = {"photo": 0.42, "canopy": 0.44}  # of an intersection over union 
 PROMISING = 0.28  # answer of one cell of four, around which all cells are asked
 HINT = 0.25  # answer of a radius, beside which the next radii are asked
 APART = 0.62  # of the sum of two radii, within which the better of two crowns stays
+COVERED = 0.4  # of a crown's area, above which better ones hide it: a place between crowns is none
 SAME = 0.4  # radii apart, within which answers are of one crown
 SAME_SIZE = 0.4  # logarithm of the ratio of their radii, likewise
 LOWEST_M = 1.0  # of a canopy, where crowns are looked for
@@ -98,6 +99,14 @@ def crown_radii(radius_m: tuple[float, float], cell_m: float) -> Sequence[float]
     low = max(radius_m[0], FINEST_PX * cell_m)
     count = max(1, int(np.ceil(np.log(max(radius_m[1] / low, 1.0)) / np.log(RATIO) + 0.5)))
     return [low * RATIO**number for number in range(count)]
+
+
+def shared_area(away: Floats, one: Floats, other: Floats) -> Floats:
+    """(N,) area that two circles share, so far from each other, with these radii; all (N,) of one unit."""
+    d = np.maximum(away, 1e-9)
+    a = np.arccos(np.clip((d**2 + one**2 - other**2) / (2 * d * one), -1, 1))
+    b = np.arccos(np.clip((d**2 + other**2 - one**2) / (2 * d * other), -1, 1))
+    return np.asarray(one**2 * (a - np.sin(2 * a) / 2) + other**2 * (b - np.sin(2 * b) / 2))
 
 
 def _score_window(
@@ -203,11 +212,18 @@ def _best_of(ground_m: Floats, radius_m: Floats, score: Floats, between_m: tuple
         return np.asarray(total / np.bincount(own, weight, minlength=len(kept)))
 
     off_m = ground_m - ground_m[0]  # far from the origin digits are lost
-    return Crowns(
-        ground_m=ground_m[0] + np.stack([mean(off_m[:, 0]), mean(off_m[:, 1])], axis=-1),
-        radius_m=np.clip(np.exp(mean(np.log(radius_m))), *between_m),
-        score=score[kept],
-    )
+    found_m = ground_m[0] + np.stack([mean(off_m[:, 0]), mean(off_m[:, 1])], axis=-1)
+    found_radius_m = np.clip(np.exp(mean(np.log(radius_m))), *between_m)
+    free = _covered_shares(found_m, found_radius_m) <= COVERED
+    return Crowns(ground_m=found_m[free], radius_m=found_radius_m[free], score=score[kept][free])
+
+
+def _covered_shares(ground_m: Floats, radius_m: Floats) -> Floats:
+    """(N,) of the area of each disc, what those before it cover; where two of them do, it counts twice."""
+    pairs = cKDTree(ground_m).query_pairs(2 * float(radius_m.max()), output_type="ndarray")
+    before, after = pairs.min(axis=1), pairs.max(axis=1)
+    shared = shared_area(np.linalg.norm(ground_m[after] - ground_m[before], axis=1), radius_m[after], radius_m[before])
+    return np.asarray(np.bincount(after, shared, minlength=len(radius_m)) / (np.pi * radius_m**2))
 
 
 @cache
