@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Learn by what crowns are recognised from above, from forests whose every tree is known, and write the weights.
 
-usage: tools/learn_crowns.py [--seed 100] [--forests 24] [-o WEIGHTS.toml]
+usage: tools/learn_crowns.py [--seed 100] [--forests 24] [--only photo|canopy] [-o WEIGHTS.toml]
 
 The forests are those of tools/synthetic_forest.py, of random relief, density, crowns, species, pixels and sun. A cell
 is worth the intersection over union of its disc with the crown that it covers best; lit from a wrong side, half of
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from usdfoliage.forest import crown_search
-from usdfoliage.forest.crown_search import crown_radii, shared_area
+from usdfoliage.forest.crown_search import crown_radii, read_weights, shared_area
 from usdfoliage.forest.crown_tiles import cut_tiles, cut_windows, middles_m, tile_facts
 from usdfoliage.forest.raster import Raster
 from usdfoliage.forest.raster_files import read_raster
@@ -33,6 +33,7 @@ HIDDEN = (28, 14)
 CELLS = 350  # of 4,000 candidates of a radius, that are learned from
 MAX_TILES = 4  # such numbers of candidates, that count
 RADII_M = 0.8, 8.0
+COARSE_M = 0.7  # cells of a canopy that are not made larger
 WRONG_SIDE = 0.5
 BATCH, STEPS = 512, 6000
 TURNS = 2
@@ -124,13 +125,18 @@ def read_photo(folder: Path) -> Raster:
 
 
 def read_canopy(folder: Path, rng: np.random.Generator) -> Raster:
-    """The canopy of a forest, of every second one with noise and holes."""
+    """The canopy of a forest: every second one has noise and holes, every second fine one larger cells."""
     raster = read_raster(folder / "canopy_height.tif", "the canopy height").raster
     height_m = raster.values.astype(np.float64)
+    factor = int(rng.choice([1, 2])) if raster.cell_m < COARSE_M else 1
+    height, width = (size // factor for size in height_m.shape)
+    blocks = height_m[: height * factor, : width * factor].reshape(height, factor, width, factor)
+    height_m = blocks.max(axis=(1, 3))  # as canopies are made: the highest point of a cell
     if rng.random() < 0.5:
         height_m += rng.uniform(0.1, 0.6) * rng.standard_normal(height_m.shape)
         height_m[rng.random(height_m.shape) < 0.05] = np.nan
-    return Raster(values=fill_canopy(height_m), ground_from_pixel=raster.ground_from_pixel, crs=raster.crs)
+    matrix = raster.ground_from_pixel @ np.diag([factor, factor, 1.0])
+    return Raster(values=fill_canopy(height_m), ground_from_pixel=matrix, crs=raster.crs)
 
 
 def learn_from(
@@ -203,6 +209,12 @@ def fit_network(lesson: Lesson, rng: np.random.Generator) -> Network:
     return network
 
 
+def known_network(name: str) -> Network:
+    """The network that is used so far."""
+    middle, spread, layers = read_weights(name)
+    return Network(middle=middle, spread=spread, layers=list(layers))
+
+
 def format_weights(name: str, network: Network) -> str:
     """A table of crown_weights.toml."""
 
@@ -221,6 +233,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=100)
     parser.add_argument("--forests", type=int, default=24)
+    parser.add_argument("--only", choices=["photo", "canopy"], help="the other one's weights stay as they are")
     parser.add_argument("-o", "--output", type=Path, default=OUTPUT)
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
@@ -233,11 +246,13 @@ def main() -> int:
             trees = np.loadtxt(folder / "truth" / "trees.csv", ndmin=2)
             pictures["photo"].append((read_photo(folder), trees, scene.sun_deg[0]))
             pictures["canopy"].append((read_canopy(folder, rng), trees, 0.0))
-    print(
-        f"{options.forests} forests, {sum(len(trees) for _photo, trees, _sun in pictures['photo']):,} trees", flush=True
-    )
+    count = sum(len(trees) for _photo, trees, _sun in pictures["photo"])
+    print(f"{options.forests} forests, {count:,} trees", flush=True)
     text = "# Written by tools/learn_crowns.py.\n"
     for name, forests in pictures.items():
+        if options.only not in (None, name):
+            text += format_weights(name, known_network(name))
+            continue
         network, lessons = None, []
         for _turn in range(TURNS):
             lessons += [learn_from(picture, trees, sun, rng, network) for picture, trees, sun in forests]

@@ -39,6 +39,7 @@ APART = 0.62  # of the sum of two radii, within which the better of two crowns s
 COVERED = 0.4  # of a crown's area, above which better ones hide it: a place between crowns is none
 SAME = 0.4  # radii apart, within which answers are of one crown
 SAME_SIZE = 0.4  # logarithm of the ratio of their radii, likewise
+EDGE_PX = 0.05  # of a picture, within which no crown has its middle
 LOWEST_M = 1.0  # of a canopy, where crowns are looked for
 SUNS = 8  # directions that are tried
 SUN_RADII_M = (1.7, 2.8, 4.8)  # of crowns that show where the sun is
@@ -73,7 +74,9 @@ def find_crowns(picture: Raster, radius_m: tuple[float, float]) -> Crowns:
             places.append(cell @ tile.pixel_from_cell[:, :2].T + tile.pixel_from_cell[:, 2])
             radii.append(np.full(len(row), radius))
             scores.append(score[row, column].astype(np.float64))
-    ground_m = to_ground(picture, np.concatenate(places))
+    # A peak beside the edge may lie a bit beyond it.
+    size_px = np.array(picture.values.shape[1::-1])
+    ground_m = to_ground(picture, np.clip(np.concatenate(places), EDGE_PX, size_px - EDGE_PX))
     return _best_of(ground_m, np.concatenate(radii), np.concatenate(scores), radius_m)
 
 
@@ -162,7 +165,7 @@ def _worth_asking(tile: CrownTile) -> NDArray[np.bool_]:
 
 def _answer(tile: CrownTile, mask: NDArray[np.bool_]) -> Singles:
     """(N,) the network's answer for the cells of a mask (h, w)."""
-    middle, spread, layers = _read_weights("canopy" if len(tile.channels) == 1 else "photo")
+    middle, spread, layers = read_weights("canopy" if len(tile.channels) == 1 else "photo")
     return _native.crown_answers(*tile_places(tile, mask), middle=middle, spread=spread, layers=layers, threads=0)
 
 
@@ -227,7 +230,7 @@ def _covered_shares(ground_m: Floats, radius_m: Floats) -> Floats:
 
 
 @cache
-def _read_weights(kind: str) -> tuple[Singles, Singles, tuple[tuple[Singles, Singles], ...]]:
+def read_weights(kind: str) -> tuple[Singles, Singles, tuple[tuple[Singles, Singles], ...]]:
     """Middle and spread of each fact, and matrix and offset of each layer; of a photo or a canopy."""
     table = parse_toml(files(__package__).joinpath(_WEIGHTS).read_text("utf-8"))[kind]
     layers = tuple(
