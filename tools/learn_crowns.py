@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Learn by what crowns are recognised from above, from forests whose every tree is known, and write the weights.
 
-usage: tools/learn_crowns.py [--seed 100] [--forests 24] [--only photo|canopy] [-o WEIGHTS.toml]
+usage: tools/learn_crowns.py [--seed 100] [--forests 32] [--only photo|canopy] [-o WEIGHTS.toml]
 
 The forests are those of tools/synthetic_forest.py, of random relief, density, crowns, species, pixels and sun. A cell
 is worth the intersection over union of its disc with the crown that it covers best; lit from a wrong side, half of
@@ -232,7 +232,7 @@ def main() -> int:
     """Learn, and write the weights."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=100)
-    parser.add_argument("--forests", type=int, default=24)
+    parser.add_argument("--forests", type=int, default=32)
     parser.add_argument("--only", choices=["photo", "canopy"], help="the other one's weights stay as they are")
     parser.add_argument("-o", "--output", type=Path, default=OUTPUT)
     options = parser.parse_args()
