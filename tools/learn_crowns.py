@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Learn by what crowns are recognised from above, from forests whose every tree is known, and write the weights.
 
-usage: tools/learn_crowns.py [--seed 100] [--forests 24] [-o WEIGHTS.toml]
+usage: tools/learn_crowns.py [--seed 100] [--forests 32] [--only photo|canopy] [-o WEIGHTS.toml]
 
 The forests are those of tools/synthetic_forest.py, of random relief, density, crowns, species, pixels and sun. A cell
 is worth the intersection over union of its disc with the crown that it covers best; lit from a wrong side, half of
@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from usdfoliage.forest import crown_search
-from usdfoliage.forest.crown_search import crown_radii
-from usdfoliage.forest.crown_tiles import CrownTile, cut_tiles, tile_facts
-from usdfoliage.forest.raster import Raster, to_ground
+from usdfoliage.forest.crown_search import crown_radii, read_weights, shared_area
+from usdfoliage.forest.crown_tiles import cut_tiles, cut_windows, middles_m, tile_facts
+from usdfoliage.forest.raster import Raster
 from usdfoliage.forest.raster_files import read_raster
 from usdfoliage.forest.tree_tops import fill_canopy
 from usdfoliage.geometry.color import decode_srgb
@@ -30,7 +30,10 @@ from tools.synthetic_forest import Scene, Species, make
 
 OUTPUT = Path(crown_search.__file__).with_name("crown_weights.toml")
 HIDDEN = (28, 14)
-CELLS = 350  # of a tile and radius, that are learned from
+CELLS = 350  # of 4,000 candidates of a radius, that are learned from
+MAX_TILES = 4  # such numbers of candidates, that count
+RADII_M = 0.8, 8.0
+COARSE_M = 0.7  # cells of a canopy that are not made larger
 WRONG_SIDE = 0.5
 BATCH, STEPS = 512, 6000
 TURNS = 2
@@ -108,12 +111,9 @@ def circle_overlap(place_m: Array, radius_m: float, trees: Array) -> Array:
     count = min(4, len(trees))
     away, near = (np.asarray(each) for each in cKDTree(trees[:, :2]).query(place_m, k=[*range(1, count + 1)]))
     for number in range(count):
-        d, other = np.maximum(away[:, number], 1e-9), trees[near[:, number], 3]
-        r, s = np.full_like(other, radius_m), other
-        a = np.arccos(np.clip((d**2 + r**2 - s**2) / (2 * d * r), -1, 1))
-        b = np.arccos(np.clip((d**2 + s**2 - r**2) / (2 * d * s), -1, 1))
-        shared = r**2 * (a - np.sin(2 * a) / 2) + s**2 * (b - np.sin(2 * b) / 2)
-        best = np.maximum(best, shared / (np.pi * (r**2 + s**2) - shared))
+        other_m = trees[near[:, number], 3]
+        shared = shared_area(away[:, number], np.full_like(other_m, radius_m), other_m)
+        best = np.maximum(best, shared / (np.pi * (radius_m**2 + other_m**2) - shared))
     return best
 
 
@@ -125,13 +125,18 @@ def read_photo(folder: Path) -> Raster:
 
 
 def read_canopy(folder: Path, rng: np.random.Generator) -> Raster:
-    """The canopy of a forest, of every second one with noise and holes."""
+    """The canopy of a forest: every second one has noise and holes, every second fine one larger cells."""
     raster = read_raster(folder / "canopy_height.tif", "the canopy height").raster
     height_m = raster.values.astype(np.float64)
+    factor = int(rng.choice([1, 2])) if raster.cell_m < COARSE_M else 1
+    height, width = (size // factor for size in height_m.shape)
+    blocks = height_m[: height * factor, : width * factor].reshape(height, factor, width, factor)
+    height_m = blocks.max(axis=(1, 3))  # as canopies are made: the highest point of a cell
     if rng.random() < 0.5:
         height_m += rng.uniform(0.1, 0.6) * rng.standard_normal(height_m.shape)
         height_m[rng.random(height_m.shape) < 0.05] = np.nan
-    return Raster(values=fill_canopy(height_m), ground_from_pixel=raster.ground_from_pixel, crs=raster.crs)
+    matrix = raster.ground_from_pixel @ np.diag([factor, factor, 1.0])
+    return Raster(values=fill_canopy(height_m), ground_from_pixel=matrix, crs=raster.crs)
 
 
 def learn_from(
@@ -139,33 +144,27 @@ def learn_from(
 ) -> Lesson:
     """Cells of one forest: more of those on crowns, and of those that are answered wrongly."""
     facts, worth = [], []
-    for radius in crown_radii((0.8, 8.0), picture.cell_m):
-        turns = [(float(rng.uniform(-12, 12)), 1.0)]
-        if picture.values.ndim == 3:
-            turns.append((float(rng.uniform(45, 315)), WRONG_SIDE))
-        for turn, factor in turns:
-            for tile in cut_tiles(picture, radius, sun_deg + turn, 4):
+    for window in cut_windows(picture, RADII_M[1]):
+        for radius in crown_radii(RADII_M, picture.cell_m):
+            turns = [(float(rng.uniform(-12, 12)), 1.0)]
+            if picture.values.ndim == 3:
+                turns.append((float(rng.uniform(45, 315)), WRONG_SIDE))
+            tiles = cut_tiles(window, radius, [sun_deg + turn for turn, _factor in turns])
+            for tile, (_turn, factor) in zip(tiles, turns, strict=True):
                 mask = np.zeros(tile.seen.shape, bool)
                 mask[::STEP, ::STEP] = tile.seen[::STEP, ::STEP]
-                row, column = np.nonzero(mask)
-                if not len(row):
+                if not mask.any():
                     continue
-                found = tile_facts(tile, row, column).T
-                value = factor * circle_overlap(middles_of(picture, tile, row, column), radius, trees)
+                found = tile_facts(tile, mask)
+                value = factor * circle_overlap(middles_m(picture, tile, mask), radius, trees)
                 odds = 0.03 + value**2
                 if known is not None:
                     odds += 3 * np.abs(answer_of(found, known) - value) ** 2
-                wanted = int((CELLS if factor == 1 else CELLS // 4) * (len(row) / 4000 + 0.02))
-                taken = rng.choice(len(odds), min(wanted, len(row)), replace=False, p=odds / odds.sum())
+                wanted = int((CELLS if factor == 1 else CELLS // 4) * (min(len(value) / 4000, MAX_TILES) + 0.02))
+                taken = rng.choice(len(odds), min(wanted, len(value)), replace=False, p=odds / odds.sum())
                 facts.append(found[taken])
                 worth.append(value[taken])
     return Lesson(facts=np.concatenate(facts), worth=np.concatenate(worth).astype(np.float32))
-
-
-def middles_of(picture: Raster, tile: CrownTile, row: Array, column: Array) -> Array:
-    """(N, 2) places of the middles of cells on the ground."""
-    cells = np.stack([column, row], axis=-1) + 0.5
-    return to_ground(picture, cells @ tile.pixel_from_cell[:, :2].T + tile.pixel_from_cell[:, 2])
 
 
 def answer_of(facts: NDArray[np.float32], network: Network) -> NDArray[np.float32]:
@@ -210,6 +209,12 @@ def fit_network(lesson: Lesson, rng: np.random.Generator) -> Network:
     return network
 
 
+def known_network(name: str) -> Network:
+    """The network that is used so far."""
+    middle, spread, layers = read_weights(name)
+    return Network(middle=middle, spread=spread, layers=list(layers))
+
+
 def format_weights(name: str, network: Network) -> str:
     """A table of crown_weights.toml."""
 
@@ -227,7 +232,8 @@ def main() -> int:
     """Learn, and write the weights."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=100)
-    parser.add_argument("--forests", type=int, default=24)
+    parser.add_argument("--forests", type=int, default=32)
+    parser.add_argument("--only", choices=["photo", "canopy"], help="the other one's weights stay as they are")
     parser.add_argument("-o", "--output", type=Path, default=OUTPUT)
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
@@ -240,11 +246,13 @@ def main() -> int:
             trees = np.loadtxt(folder / "truth" / "trees.csv", ndmin=2)
             pictures["photo"].append((read_photo(folder), trees, scene.sun_deg[0]))
             pictures["canopy"].append((read_canopy(folder, rng), trees, 0.0))
-    print(
-        f"{options.forests} forests, {sum(len(trees) for _photo, trees, _sun in pictures['photo']):,} trees", flush=True
-    )
+    count = sum(len(trees) for _photo, trees, _sun in pictures["photo"])
+    print(f"{options.forests} forests, {count:,} trees", flush=True)
     text = "# Written by tools/learn_crowns.py.\n"
     for name, forests in pictures.items():
+        if options.only not in (None, name):
+            text += format_weights(name, known_network(name))
+            continue
         network, lessons = None, []
         for _turn in range(TURNS):
             lessons += [learn_from(picture, trees, sun, rng, network) for picture, trees, sun in forests]

@@ -1,6 +1,7 @@
 """Native kernels of usdfoliage; arrays in, arrays out, the interpreter lock released. Arguments are trusted."""
 
 import enum
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -1483,4 +1484,45 @@ def deform_lobed_leaves(
     """Leaves of one flat shape of N nodes and T ties, each deformed by its functions, into points (M, N + T, 3).
 
     Keys of turn, bend and twist: key_first and key_counts are (M, 3, B), for leaves, functions and branches.
+    """
+
+def crown_facts(
+    channels: NDArray[np.float32], places: NDArray[np.int32], offsets: NDArray[np.int32], *, threads: int
+) -> NDArray[np.float32]:
+    """What is known (N, K) of places in a picture from above.
+
+    Args:
+        channels: (C, H, W) of an orthophoto light, red, blue and how rough it is; or of a canopy metres.
+        places: (N,) pixels of a channel, row by row.
+        offsets: (7, 12) from a place to those of the rings around it, which must lie in the picture.
+    """
+
+def crown_answers(
+    channels: NDArray[np.float32],
+    places: NDArray[np.int32],
+    offsets: NDArray[np.int32],
+    *,
+    middle: NDArray[np.float32],
+    spread: NDArray[np.float32],
+    layers: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]],
+    threads: int,
+) -> NDArray[np.float32]:
+    """A network's answers (N,) to the facts of places, 0 to 1; the first arguments are those of crown_facts.
+
+    Args:
+        middle: (K,) of each fact.
+        spread: (K,) likewise, above 0.
+        layers: Matrix (inputs, outputs) and offset (outputs,) of each, at most 128 wide; the last one has one output.
+    """
+
+def choose_crowns(
+    places: NDArray[np.float64], radii: NDArray[np.float64], order: NDArray[np.int32], *, apart: float
+) -> NDArray[np.int32]:
+    """Numbers of crowns that are taken one after another, but none within another one that was taken.
+
+    Args:
+        places: (N, 2).
+        radii: (N,) above 0.
+        order: (N,) the best first.
+        apart: Of the sum of two radii, within which only one is taken.
     """

@@ -10,6 +10,7 @@ from usdfoliage.forest.vegetation_classes import (
     find_covered,
     find_hidden_trees,
     green_index,
+    measure_texture,
 )
 
 LAWN, ROAD, WATER, LEAVES = (0.1, 0.2, 0.04), (0.25, 0.25, 0.25), (0.02, 0.04, 0.08), (0.06, 0.12, 0.03)
@@ -95,7 +96,7 @@ def test_no_pixel_has_two_classes_and_what_is_not_seen_has_none(rng):
 
 def test_lawns_are_smooth_and_crowns_are_rough(rng):
     places_m = np.array([[1010.0, 1990.0], [1030.0, 1990.0]])
-    assert are_rough(painted(rng), places_m, np.array([3.0, 3.0])).tolist() == [False, True]
+    assert are_rough(measure_texture(painted(rng)), places_m, np.array([3.0, 3.0])).tolist() == [False, True]
 
 
 def test_trees_are_hidden_where_no_crown_is_seen_and_one_has_room():
@@ -134,7 +135,7 @@ def test_crowns_beside_what_is_not_seen_are_rough_by_what_is(rng):
     picture = painted(rng)
     picture.values[:, 120:] = np.nan
     places_m = np.array([[1010.0, 1990.0], [1030.0, 1990.0], [1025.0, 1985.0]])
-    assert are_rough(picture, places_m, np.full(3, 3.0)).tolist() == [False, True, True]
+    assert are_rough(measure_texture(picture), places_m, np.full(3, 3.0)).tolist() == [False, True, True]
 
 
 def test_every_pixel_under_a_crown_is_covered(rng):

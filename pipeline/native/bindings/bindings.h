@@ -25,3 +25,5 @@ void bind_piece_bridges(nanobind::module_& m);
 void bind_piece_gaps(nanobind::module_& m);
 void bind_polylines(nanobind::module_& m);
 void bind_merge_regions(nanobind::module_& m);
+void bind_crown_answers(nanobind::module_& m);
+void bind_crown_choice(nanobind::module_& m);

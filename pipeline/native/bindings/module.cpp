@@ -27,4 +27,6 @@ NB_MODULE(_native, m) {
     bind_piece_gaps(m);
     bind_polylines(m);
     bind_merge_regions(m);
+    bind_crown_answers(m);
+    bind_crown_choice(m);
 }

@@ -5,18 +5,28 @@ weights come from tools/learn_crowns.py. It knows no colour, only how colours di
 not depend on season and species. Where the sun is, is the direction for which the picture has the best crowns. Our own.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from usdfoliage import _native
 from usdfoliage.files.toml import parse_toml
-from usdfoliage.forest.crown_tiles import CrownTile, Floats, Singles, cut_tiles, tile_facts
+from usdfoliage.forest.crown_tiles import (
+    MARGIN,
+    CrownTile,
+    CrownWindow,
+    Floats,
+    Singles,
+    cut_tiles,
+    cut_windows,
+    tile_places,
+)
 from usdfoliage.forest.raster import Raster, to_ground
 
 _WEIGHTS = "crown_weights.toml"
@@ -24,13 +34,17 @@ RATIO = 2**0.25  # of a radius over the next smaller one
 FINEST_PX = 1.5  # pixels in the smallest radius that is looked for
 LOWEST_SCORE = {"photo": 0.42, "canopy": 0.44}  # of an intersection over union that is a crown
 PROMISING = 0.28  # answer of one cell of four, around which all cells are asked
+HINT = 0.25  # answer of a radius, beside which the next radii are asked
 APART = 0.62  # of the sum of two radii, within which the better of two crowns stays
+COVERED = 0.4  # of a crown's area, above which better ones hide it: a place between crowns is none
 SAME = 0.4  # radii apart, within which answers are of one crown
+SAME_SIZE = 0.4  # logarithm of the ratio of their radii, likewise
+EDGE_PX = 0.05  # of a picture, within which no crown has its middle
 LOWEST_M = 1.0  # of a canopy, where crowns are looked for
-SUNS = 12  # directions that are tried
+SUNS = 8  # directions that are tried
 SUN_RADII_M = (1.7, 2.8, 4.8)  # of crowns that show where the sun is
-SUN_TILES = 4  # of each radius, that are looked at
-SUN_STEP = 3  # cells from one that is asked there to the next
+SUN_WINDOWS, SUN_RADII = 4, 25  # parts of a picture that are looked at, and their side, of the largest such radius
+SUN_STEP = 4  # cells from one that is asked there to the next
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,16 +66,17 @@ def find_crowns(picture: Raster, radius_m: tuple[float, float]) -> Crowns:
     lowest = LOWEST_SCORE[_kind(picture)]
     sun_deg = find_sun(picture, radius_m) if picture.values.ndim == 3 else 0.0
     places, radii, scores = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0)]
-    for radius in crown_radii(radius_m, picture.cell_m):
-        for tile in cut_tiles(picture, radius, sun_deg):
-            score = score_tile(tile)
-            highest = score >= ndimage.maximum_filter(score, size=3, mode="constant")
-            row, column = np.nonzero(highest & (score > lowest))
+    asked_m = crown_radii(radius_m, picture.cell_m)
+    for window in cut_windows(picture, asked_m[-1]):
+        for radius, tile, score in _score_window(window, asked_m, sun_deg):
+            row, column = np.nonzero((score > lowest) & (score >= cv2.dilate(score, np.ones((3, 3), np.uint8))))
             cell = np.stack([column, row], axis=-1) + _peak_offsets(score, row, column) + 0.5
             places.append(cell @ tile.pixel_from_cell[:, :2].T + tile.pixel_from_cell[:, 2])
             radii.append(np.full(len(row), radius))
             scores.append(score[row, column].astype(np.float64))
-    ground_m = to_ground(picture, np.concatenate(places))
+    # A peak beside the edge may lie a bit beyond it.
+    size_px = np.array(picture.values.shape[1::-1])
+    ground_m = to_ground(picture, np.clip(np.concatenate(places), EDGE_PX, size_px - EDGE_PX))
     return _best_of(ground_m, np.concatenate(radii), np.concatenate(scores), radius_m)
 
 
@@ -69,8 +84,13 @@ def find_sun(orthophoto: Raster, radius_m: tuple[float, float]) -> float:
     """Azimuth of the sun in degrees, clockwise from north: that for which a picture looks like crowns the best."""
     radii = [radius for radius in SUN_RADII_M if FINEST_PX * orthophoto.cell_m < radius and radius < 1.5 * radius_m[1]]
     radii = radii or [max(FINEST_PX * orthophoto.cell_m, radius_m[0])]
+    side_px = max(1, int(SUN_RADII * radii[-1] / orthophoto.cell_m))
     step = 360 / SUNS
-    answers = np.array([_answer_of_sun(orthophoto, radii, number * step) for number in range(SUNS)])
+    answers = np.zeros(SUNS)
+    for window in cut_windows(orthophoto, radii[-1], side_px, SUN_WINDOWS):
+        for radius in radii:
+            tiles = cut_tiles(window, radius, [number * step for number in range(SUNS)])
+            answers += [_answer_of_sun(tile, radius) for tile in tiles]
     best = int(np.argmax(answers))
     before, here, after = answers[best - 1], answers[best], answers[(best + 1) % SUNS]
     bend = before - 2 * here + after
@@ -84,13 +104,54 @@ def crown_radii(radius_m: tuple[float, float], cell_m: float) -> Sequence[float]
     return [low * RATIO**number for number in range(count)]
 
 
-def score_tile(tile: CrownTile) -> Singles:
-    """(h, w) how well a disc of the tile's radius around each cell covers a crown, 0 to 1."""
+def shared_area(away: Floats, one: Floats, other: Floats) -> Floats:
+    """(N,) area that two circles share, so far from each other, with these radii; all (N,) of one unit."""
+    d = np.maximum(away, 1e-9)
+    a = np.arccos(np.clip((d**2 + one**2 - other**2) / (2 * d * one), -1, 1))
+    b = np.arccos(np.clip((d**2 + other**2 - one**2) / (2 * d * other), -1, 1))
+    return np.asarray(one**2 * (a - np.sin(2 * a) / 2) + other**2 * (b - np.sin(2 * b) / 2))
+
+
+def _score_window(
+    window: CrownWindow, asked_m: Sequence[float], sun_deg: float
+) -> Iterator[tuple[float, CrownTile, Singles]]:
+    """Of each radius the tile, and how well a disc around each of its cells (h, w) covers a crown, 0 to 1.
+
+    Every second radius is asked everywhere, those between where one of its two neighbours is a bit like a crown.
+    """
+    hints: dict[int, tuple[float, NDArray[np.bool_]]] = {}
+    for number in [*range(0, len(asked_m), 2), *range(1, len(asked_m), 2)]:
+        (tile,) = cut_tiles(window, asked_m[number], [sun_deg])
+        asked = _worth_asking(tile)
+        if number % 2:
+            hinted = [hints[other] for other in (number - 1, number + 1) if other in hints]
+            asked &= np.any(
+                [_moved_hint(hint, asked_m[number] / radius, asked.shape) for radius, hint in hinted], axis=0
+            )
+        score = _score_tile(tile, asked)
+        if number % 2 == 0:
+            hints[number] = (asked_m[number], score > HINT)
+        yield asked_m[number], tile, score
+
+
+def _moved_hint(hint: NDArray[np.bool_], ratio: float, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """(h, w) where cells, so many times as large as those of a hint that begin at the same corner, are near to it."""
+    wide = cv2.dilate(hint.astype(np.uint8), np.ones((5, 5), np.uint8))
+    row, column = (
+        np.minimum(((np.arange(size) + 0.5) * ratio).astype(int), count - 1)
+        for size, count in zip(shape, hint.shape, strict=True)
+    )
+    return np.asarray(wide[np.ix_(row, column)] > 0)
+
+
+def _score_tile(tile: CrownTile, asked: NDArray[np.bool_]) -> Singles:
+    """(h, w) the answers for the cells of a mask, by one of four cells and all around those that are promising."""
     score = np.zeros(tile.seen.shape, np.float32)
     coarse = np.zeros(tile.seen.shape, bool)
-    coarse[::2, ::2] = _worth_asking(tile)[::2, ::2]
+    coarse[::2, ::2] = asked[::2, ::2]
     score[coarse] = _answer(tile, coarse)
-    near = ndimage.binary_dilation(score > PROMISING, np.ones((3, 3), bool)) & ~coarse & tile.seen
+    near = cv2.dilate((score > PROMISING).astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+    near &= ~coarse & tile.seen
     score[near] = _answer(tile, near)
     return score
 
@@ -99,40 +160,24 @@ def _worth_asking(tile: CrownTile) -> NDArray[np.bool_]:
     """(h, w) where there could be a crown at all."""
     if len(tile.channels) > 1:
         return tile.seen
-    margin = (tile.channels.shape[1] - tile.seen.shape[0]) // 2
-    return tile.seen & (tile.channels[0, margin:-margin, margin:-margin] >= LOWEST_M)
+    return tile.seen & (tile.channels[0, MARGIN:-MARGIN, MARGIN:-MARGIN] >= LOWEST_M)
 
 
 def _answer(tile: CrownTile, mask: NDArray[np.bool_]) -> Singles:
-    """(N,) the network's answer for the cells of a mask."""
-    if not mask.any():
-        return np.zeros(0, np.float32)
-    middle, spread, layers = _read_weights("canopy" if len(tile.channels) == 1 else "photo")
-    answer = tile_facts(tile, *np.nonzero(mask))
-    answer -= middle[:, None]
-    answer /= spread[:, None]
-    np.clip(answer, -4, 4, out=answer)
-    for number, (matrix, offset) in enumerate(layers):
-        answer = matrix.T @ answer + offset[:, None]
-        if number < len(layers) - 1:
-            np.maximum(answer, 0, out=answer)
-    return np.asarray(1 / (1 + np.exp(-answer[0])), np.float32)
+    """(N,) the network's answer for the cells of a mask (h, w)."""
+    middle, spread, layers = read_weights("canopy" if len(tile.channels) == 1 else "photo")
+    return _native.crown_answers(*tile_places(tile, mask), middle=middle, spread=spread, layers=layers, threads=0)
 
 
-def _answer_of_sun(orthophoto: Raster, radii: Sequence[float], sun_deg: float) -> float:
-    """How much of the picture looks like crowns that are lit from there."""
-    total = 0.0
-    for radius in radii:
-        for tile in cut_tiles(orthophoto, radius, sun_deg, SUN_TILES):
-            mask = np.zeros(tile.seen.shape, bool)
-            mask[::SUN_STEP, ::SUN_STEP] = tile.seen[::SUN_STEP, ::SUN_STEP]
-            score = np.zeros(tile.seen.shape, np.float32)
-            score[mask] = _answer(tile, mask)
-            highest = (score >= ndimage.maximum_filter(score, size=2 * SUN_STEP + 1, mode="constant")) & (
-                score > LOWEST_SCORE["photo"]
-            )
-            total += float((score[highest] - LOWEST_SCORE["photo"]).sum()) * radius**2
-    return total
+def _answer_of_sun(tile: CrownTile, radius_m: float) -> float:
+    """How much of a tile looks like crowns that are lit from its upper edge."""
+    mask = np.zeros(tile.seen.shape, bool)
+    mask[::SUN_STEP, ::SUN_STEP] = tile.seen[::SUN_STEP, ::SUN_STEP]
+    score = np.zeros(tile.seen.shape, np.float32)
+    score[mask] = _answer(tile, mask)
+    around = cv2.dilate(score, np.ones((2 * SUN_STEP + 1, 2 * SUN_STEP + 1), np.uint8))
+    highest = (score >= around) & (score > LOWEST_SCORE["photo"])
+    return float((score[highest] - LOWEST_SCORE["photo"]).sum()) * radius_m**2
 
 
 def _kind(picture: Raster) -> str:
@@ -154,33 +199,38 @@ def _peak_offsets(score: Singles, row: NDArray[np.int64], column: NDArray[np.int
 
 def _best_of(ground_m: Floats, radius_m: Floats, score: Floats, between_m: tuple[float, float]) -> Crowns:
     """The best answers, none of which lies within another; each is the mean of those that are the same."""
-    kept: list[int] = []
-    means: list[Floats] = []
-    if len(ground_m):
-        tree = cKDTree(ground_m)
-        near = tree.query_ball_point(ground_m, APART * (radius_m + float(radius_m.max())))
-        gone = np.zeros(len(ground_m), bool)
-        for number in np.lexsort([ground_m[:, 0], ground_m[:, 1], -score]).tolist():
-            if gone[number]:
-                continue
-            others = np.array(near[number])
-            away_m = np.linalg.norm(ground_m[others] - ground_m[number], axis=1)
-            same = others[
-                (away_m < SAME * radius_m[number]) & (np.abs(np.log(radius_m[others] / radius_m[number])) < 0.4)
-            ]
-            weight = score[same] ** 4
-            mean_m = (weight[:, None] * ground_m[same]).sum(axis=0) / weight.sum()
-            kept.append(number)
-            means.append(np.append(mean_m, np.exp((weight * np.log(radius_m[same])).sum() / weight.sum())))
-            gone[others[away_m < APART * (radius_m[others] + radius_m[number])]] = True
-    found = np.array(means).reshape(-1, 3)
-    return Crowns(
-        ground_m=found[:, :2], radius_m=np.clip(found[:, 2], *between_m), score=score[np.array(kept, np.int64)]
-    )
+    if not len(ground_m):
+        return Crowns(ground_m=ground_m, radius_m=radius_m, score=score)
+    order = np.lexsort([ground_m[:, 0], ground_m[:, 1], -score]).astype(np.int32)
+    kept = _native.choose_crowns(ground_m, radius_m, order, apart=APART)
+    near = cKDTree(ground_m).query_ball_point(ground_m[kept], SAME * radius_m[kept], return_sorted=True)
+    own = np.repeat(np.arange(len(kept)), [len(each) for each in near])
+    other = np.concatenate([np.array(each, np.int64) for each in near])
+    same = np.abs(np.log(radius_m[other] / radius_m[kept[own]])) < SAME_SIZE
+    own, other = own[same], other[same]
+    weight = score[other] ** 4
+
+    def mean(values: Floats) -> Floats:
+        total = np.bincount(own, weight * values[other], minlength=len(kept))
+        return np.asarray(total / np.bincount(own, weight, minlength=len(kept)))
+
+    off_m = ground_m - ground_m[0]  # far from the origin digits are lost
+    found_m = ground_m[0] + np.stack([mean(off_m[:, 0]), mean(off_m[:, 1])], axis=-1)
+    found_radius_m = np.clip(np.exp(mean(np.log(radius_m))), *between_m)
+    free = _covered_shares(found_m, found_radius_m) <= COVERED
+    return Crowns(ground_m=found_m[free], radius_m=found_radius_m[free], score=score[kept][free])
+
+
+def _covered_shares(ground_m: Floats, radius_m: Floats) -> Floats:
+    """(N,) of the area of each disc, what those before it cover; where two of them do, it counts twice."""
+    pairs = cKDTree(ground_m).query_pairs(2 * float(radius_m.max()), output_type="ndarray")
+    before, after = pairs.min(axis=1), pairs.max(axis=1)
+    shared = shared_area(np.linalg.norm(ground_m[after] - ground_m[before], axis=1), radius_m[after], radius_m[before])
+    return np.asarray(np.bincount(after, shared, minlength=len(radius_m)) / (np.pi * radius_m**2))
 
 
 @cache
-def _read_weights(kind: str) -> tuple[Singles, Singles, tuple[tuple[Singles, Singles], ...]]:
+def read_weights(kind: str) -> tuple[Singles, Singles, tuple[tuple[Singles, Singles], ...]]:
     """Middle and spread of each fact, and matrix and offset of each layer; of a photo or a canopy."""
     table = parse_toml(files(__package__).joinpath(_WEIGHTS).read_text("utf-8"))[kind]
     layers = tuple(

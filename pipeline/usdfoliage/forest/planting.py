@@ -16,6 +16,7 @@ from usdfoliage.forest.species import SeenTrees, are_of_leaves, assign_species, 
 from usdfoliage.forest.terrain import Terrain, ground_height, is_known, slope_deg
 from usdfoliage.forest.tree_tops import TreeTops, TreeTopSettings, find_tops_of_canopy, find_tops_of_photo
 from usdfoliage.forest.vegetation_classes import (
+    PhotoTexture,
     VegetationClasses,
     are_rough,
     find_classes,
@@ -122,7 +123,8 @@ def plant_forest(given: ForestInput, settings: PlantingSettings = PlantingSettin
     found = find_classes(given.orthophoto, given.canopy) if settings.find_classes and not given.vegetation else None
     covered = given if found is None else _with_classes(given, found)
     # Trees of an orthophoto alone may have colours that no lawn has.
-    trees = _find_trees(given if given.canopy is None else covered, settings, refused)
+    photo = None if found is None else found.photo
+    trees = _find_trees(given if given.canopy is None else covered, settings, refused, photo)
     if found is not None and given.canopy is None:
         species = [row for row in given.plants.rows if row.kind == PlantKind.TREE]
         radius_m = np.where(np.isfinite(trees.radius_m), trees.radius_m, _typical_radius(species, PlantKind.TREE))
@@ -174,8 +176,13 @@ def _masks(found: VegetationClasses) -> tuple[tuple[NDArray[np.bool_], PlantKind
     return (found.tree, PlantKind.TREE), (found.shrub, PlantKind.SHRUB), (found.grass, PlantKind.GRASS)
 
 
-def _find_trees(given: ForestInput, settings: PlantingSettings, refused: dict[str, int]) -> _Some:
-    """Trees that are given, seen in the canopy or in the orthophoto, or drawn in the class of trees."""
+def _find_trees(
+    given: ForestInput, settings: PlantingSettings, refused: dict[str, int], photo: PhotoTexture | None
+) -> _Some:
+    """Trees that are given, seen in the canopy or in the orthophoto, or drawn in the class of trees.
+
+    With the texture of an orthophoto that alone decides on classes, they are as rough as crowns.
+    """
     is_tree = _class_mask(given, PlantKind.TREE)
     seen = True
     if given.trunks_m is not None:
@@ -189,8 +196,8 @@ def _find_trees(given: ForestInput, settings: PlantingSettings, refused: dict[st
             if (~leafy).any():
                 refused["not of the colour of leaves"] = int((~leafy).sum())
             tops = TreeTops(**{each.name: getattr(tops, each.name)[leafy] for each in fields(tops)})
-        if settings.find_classes and given.vegetation is None and len(tops.ground_m):
-            rough = are_rough(given.orthophoto, tops.ground_m, tops.radius_m)
+        if photo is not None and len(tops.ground_m):
+            rough = are_rough(photo, tops.ground_m, tops.radius_m)
             if (~rough).any():
                 refused["as smooth as a lawn"] = int((~rough).sum())
             tops = TreeTops(**{each.name: getattr(tops, each.name)[rough] for each in fields(tops)})

@@ -36,8 +36,11 @@ def to_pixels(raster: Raster, ground_m: Floats) -> Floats:
 def pixel_grid(raster: Raster) -> Floats:
     """(H, W, 2) easting and northing of the middle of every pixel."""
     height, width = raster.values.shape[:2]
-    row, column = np.mgrid[:height, :width] + 0.5
-    return to_ground(raster, np.stack([column, row], axis=-1).reshape(-1, 2)).reshape(height, width, 2)
+    row, column = np.arange(height)[:, None] + 0.5, np.arange(width) + 0.5
+    grid_m = np.empty((height, width, 2))
+    for axis, (across, down, first) in enumerate(raster.ground_from_pixel.tolist()):
+        np.add(across * column + first, down * row, out=grid_m[..., axis])
+    return grid_m
 
 
 def upright_grid(raster: Raster) -> Raster:

@@ -5,14 +5,14 @@ is an orthophoto, and parts crowns from lawns by their texture: leaves and gaps 
 half metre to the next, grass does not.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.spatial import cKDTree
 
-from usdfoliage.forest.raster import Raster, is_inside, pixel_grid, sample_nearest
+from usdfoliage.forest.raster import Raster, is_inside, pixel_grid, sample_nearest, to_pixels
 from usdfoliage.forest.tree_tops import LOWEST_M, fill_canopy
 
 Floats = NDArray[np.float64]
@@ -34,6 +34,15 @@ DARKEST = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class PhotoTexture:
+    """How green and how rough an orthophoto is."""
+
+    grid: Raster  # (H, W, 3) colours that these are of
+    green: Floats  # (H, W)
+    rough: Floats  # (H, W)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class VegetationClasses:
     """Masks over one grid; no two of them have a pixel in common."""
 
@@ -41,6 +50,7 @@ class VegetationClasses:
     tree: Mask  # (H, W)
     shrub: Mask
     grass: Mask
+    photo: PhotoTexture | None = None  # of the orthophoto, where it alone decided
 
 
 def find_classes(orthophoto: Raster | None, canopy: Raster | None) -> VegetationClasses | None:
@@ -66,13 +76,20 @@ def find_classes(orthophoto: Raster | None, canopy: Raster | None) -> Vegetation
         )
     if orthophoto is None:
         return None
-    fine = _averaged(orthophoto, FINEST_M)
-    index, texture = green_index(fine), crown_texture(fine)
+    photo = measure_texture(orthophoto)
     grid = _averaged(orthophoto, CLASS_M)
-    green = _block_mean(index, fine, grid) > _dividing_value(index, GREEN)
-    rough = _block_mean(texture, fine, grid) > _dividing_value(texture[index > _dividing_value(index, GREEN)], ROUGH)
+    bound = _dividing_value(photo.green, GREEN)
+    green = _block_mean(photo.green, photo.grid, grid) > bound
+    rough = _block_mean(photo.rough, photo.grid, grid) > _dividing_value(photo.rough[photo.green > bound], ROUGH)
     tree = _without_specks(green & rough)
-    return VegetationClasses(grid=grid, tree=tree, shrub=np.zeros_like(tree), grass=_without_specks(green & ~tree))
+    grass = _without_specks(green & ~tree)
+    return VegetationClasses(grid=grid, tree=tree, shrub=np.zeros_like(tree), grass=grass, photo=photo)
+
+
+def measure_texture(orthophoto: Raster) -> PhotoTexture:
+    """How green and how rough an orthophoto (H, W, 3) of linear colours is, on pixels of FINEST_M or its own."""
+    fine = _averaged(orthophoto, FINEST_M)
+    return PhotoTexture(grid=fine, green=green_index(fine), rough=crown_texture(fine))
 
 
 def _green_over(grid: Raster, orthophoto: Raster | None) -> tuple[Mask, Mask]:
@@ -92,20 +109,18 @@ def _green_over(grid: Raster, orthophoto: Raster | None) -> tuple[Mask, Mask]:
     return green.reshape(shape), seen.reshape(shape)
 
 
-def are_rough(orthophoto: Raster, ground_m: Floats, radius_m: Floats) -> Mask:
+def are_rough(photo: PhotoTexture, ground_m: Floats, radius_m: Floats) -> Mask:
     """(N,) whether discs have the texture of crowns; lawns that stand out by their colour have not.
 
     Where few of all have it, the picture is too coarse or too smooth to show any, and all count as rough.
 
     Args:
-        orthophoto: (H, W, 3) linear colours.
+        photo: Of an orthophoto.
         ground_m: (N, 2) middles of the discs, inside the orthophoto.
         radius_m: (N,).
     """
-    fine = _averaged(orthophoto, FINEST_M)
-    texture = crown_texture(fine)
-    bound = _dividing_value(texture[green_index(fine) > GREEN[0]], ROUGH)
-    values = Raster(values=texture, ground_from_pixel=fine.ground_from_pixel, crs=fine.crs)
+    bound = _dividing_value(photo.rough[photo.green > GREEN[0]], ROUGH)
+    values = replace(photo.grid, values=photo.rough)
     angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     discs = np.concatenate([[(0.0, 0.0)], *(share * ring for share in (0.4, 0.8))])
@@ -140,17 +155,21 @@ def find_covered(grid: Raster, mask: Mask, ground_m: Floats, radius_m: Floats) -
         ground_m: (N, 2) middles of crowns.
         radius_m: (N,) their radii.
     """
+    height, width = mask.shape
     covered = np.zeros(mask.shape, bool)
-    pixels = np.flatnonzero(mask)
-    places_m = pixel_grid(grid).reshape(-1, 2)[pixels]
-    sizes = np.ceil(np.log2(np.maximum(radius_m, DARKEST)))
-    for size in np.unique(sizes):  # by size, so that each is looked for as far as it reaches
-        own = np.flatnonzero(sizes == size)
-        found = cKDTree(ground_m[own]).query(places_m, k=[1, 2, 3, 4], distance_upper_bound=2.0**size)
-        away_m, near = (np.asarray(each) for each in found)
-        reach_m = np.append(radius_m[own], 0.0)[near]  # what is not found is number N
-        covered.flat[pixels[(away_m < reach_m).any(axis=1)]] = True
-    return covered
+    middle = to_pixels(grid, ground_m)
+    matrix = grid.ground_from_pixel[:, :2]
+    # A circle on the ground reaches so far along columns and along rows, in pixels, whichever way they lie.
+    reach = radius_m[:, None] * np.linalg.norm(np.linalg.inv(matrix), axis=1)
+    first = np.clip(np.floor(middle - reach), 0, [width, height]).astype(np.int64)
+    last = np.clip(np.ceil(middle + reach), 0, [width, height]).astype(np.int64)
+    for (left, top), (right, bottom), (x, y), radius in zip(
+        first.tolist(), last.tolist(), middle.tolist(), radius_m.tolist(), strict=True
+    ):
+        across, down = np.arange(left, right) + 0.5 - x, np.arange(top, bottom)[:, None] + 0.5 - y
+        east, north = (a * across + b * down for a, b in matrix)
+        covered[top:bottom, left:right] |= east * east + north * north < radius * radius
+    return covered & mask
 
 
 def green_index(orthophoto: Raster) -> Floats:
@@ -175,10 +194,15 @@ def crown_texture(orthophoto: Raster) -> Floats:
 def _blurred(values: NDArray[np.floating], sigma: float) -> Floats:
     """Blurred over rows and columns, NaN left out of the mean and NaN again."""
     seen = np.isfinite(values)
-    blur = (sigma, sigma) + (0,) * (values.ndim - 2)
-    weight = ndimage.gaussian_filter(seen.astype(np.float32), blur, mode="nearest")
-    summed = ndimage.gaussian_filter(np.where(seen, values, 0).astype(np.float32), blur, mode="nearest")
-    return np.where(seen, summed / np.maximum(weight, 1e-6), np.nan)
+
+    def blur(of: NDArray[np.generic]) -> NDArray[np.float32]:
+        border = cv2.BORDER_REPLICATE
+        return np.asarray(cv2.GaussianBlur(of.astype(np.float32), (0, 0), sigma, borderType=border), np.float32)
+
+    summed = blur(np.where(seen, values, 0))
+    if seen.all():
+        return summed.astype(np.float64)
+    return np.where(seen, summed / np.maximum(blur(seen), np.float32(1e-6)), np.nan)
 
 
 def _dividing_value(values: Floats, between: tuple[float, float]) -> float:

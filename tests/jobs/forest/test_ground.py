@@ -55,13 +55,13 @@ def words(files: dict[str, Path], dem: Path, *more: str) -> list[str]:
 
 
 def plants_of(asset: Path) -> np.ndarray:
-    """(N, 3) easting, northing and height of the plants, in order."""
+    """(N, 3) easting, northing and height of the plants, by their places: heights may differ by millimetres."""
     stage = Usd.Stage.Open(str(asset))
     root = stage.GetDefaultPrim()
     places = UsdGeom.PointInstancer(stage.GetPrimAtPath("/valley/plants/crown")).GetPositionsAttr().Get()
     back = np.linalg.inv(np.array(root.GetAttribute("foliage:captureToAsset").Get()))
     ground = (np.column_stack([np.array(places, np.float64), np.ones(len(places))]) @ back)[:, :3]
-    return ground[np.lexsort(ground.T)]
+    return ground[np.lexsort(ground[:, 1::-1].T)]
 
 
 def test_mesh_and_cloud_give_the_forest_of_the_raster(files, points, tmp_path, capsys):
