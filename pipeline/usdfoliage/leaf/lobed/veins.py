@@ -178,13 +178,13 @@ def find_paths(
         raise ValueError("the blade is too thin for a path")
     deep = cv2.distanceTransform(np.pad(room, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
     clear = cv2.resize(veins, size, interpolation=cv2.INTER_AREA)
-    clear = np.clip(np.asarray(clear, np.float64) / max(float(clear.max()), 1e-6), 0, 1)
+    clearest = np.clip(np.asarray(clear, np.float64) / max(float(clear.max()), 1e-6), 0, 1)
     dear = 1 + (_RIM - 1) * np.clip(1 - deep / (settings.clear * settings.grain_px), 0, 1)
-    cost = dear * _SHORTCUT / (_SHORTCUT + (1 - _SHORTCUT) * clear)
+    cost = dear * _SHORTCUT / (_SHORTCUT + (1 - _SHORTCUT) * clearest)
     number = np.full(room.shape, -1, np.int64)
     number[room] = np.arange(room.sum())
     places = np.argwhere(room)[:, ::-1] + 0.5
-    hub = _find_hub(places, deep[room].astype(np.float64), clear[room], base_px / step, settings)
+    hub = _find_hub(places, deep[room].astype(np.float64), clearest[room], base_px / step, settings)
     away, before = dijkstra(
         _join_pixels(number, cost), directed=False, indices=np.array([hub]), return_predecessors=True
     )
