@@ -178,7 +178,7 @@ def find_paths(
         raise ValueError("the blade is too thin for a path")
     deep = cv2.distanceTransform(np.pad(room, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
     clear = cv2.resize(veins, size, interpolation=cv2.INTER_AREA)
-    clearest = np.clip(np.asarray(clear, np.float64) / max(float(clear.max()), 1e-6), 0, 1)
+    clearest = np.asarray(np.clip(clear / max(float(clear.max()), 1e-6), 0, 1), np.float64)
     dear = 1 + (_RIM - 1) * np.clip(1 - deep / (settings.clear * settings.grain_px), 0, 1)
     cost = dear * _SHORTCUT / (_SHORTCUT + (1 - _SHORTCUT) * clearest)
     number = np.full(room.shape, -1, np.int64)
