@@ -1,6 +1,7 @@
 """How well leaves of several lobes are modelled: the figures of eval_lobed, measured on arrays without an asset.
 
     .venv/bin/python tools/bench/lobed_leaves.py [--data ../shared/data] [--every N] [--turned] [--noise] [--sheet PNG]
+    .venv/bin/python tools/bench/lobed_leaves.py --scans [--data ../shared/data] [--sheet PNG]
 
 A figure that is beyond what is asked has an asterisk. IoU and silhouette errors are taken in a picture enlarged four
 times. Scans are cut out of their pictures; their truth is a traced polygon, filled by non-zero winding.
@@ -16,8 +17,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from usdfoliage.geometry.lines import arc_lengths, spread_evenly
+from usdfoliage.leaf.lobed.cutout import cut_out_leaves
 from usdfoliage.leaf.lobed.model import FlatLobedLeaf, model_lobed_leaf
+from usdfoliage.leaf.lobed.petiole import split_petiole
+from usdfoliage.leaf.lobed.sinuses import open_sinuses
 from usdfoliage.leaf.lobed.spline import evaluate_closed
+from usdfoliage.leaf.lobed.veins import choose_base, draw_veins, measure_veins
 
 REPO = Path(__file__).resolve().parents[2]
 UP = 4
@@ -173,6 +179,53 @@ def line(name: str, figures: Figures, lobed: bool) -> str:
     return f"{name:34}" + " ".join(cells)
 
 
+def measure_scans(data: Path) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+    """A row and a tile for each vine scan: along the medial axis, veins that were traced by hand, and found ones."""
+    for path in sorted((data / "leaf-scans-grapevine").glob("*.jpg")):
+        start = time.process_time()
+        found = cut_out_leaves(np.ascontiguousarray(cv2.imread(str(path))[..., ::-1]))
+        cut, scale = found.leaves[0], np.array(found.scale)
+        (row, column), (height, width) = cut.corner, cut.mask.shape
+        picture = np.ascontiguousarray(found.reduced[row : row + height, column : column + width])
+        split = split_petiole(picture, cut.mask)
+        blade = open_sinuses(split.blade).mask
+        traced = measure_veins(picture, split.blade, split.petiole)
+        base = choose_base(split.ends, traced, split.blade) * [1, -1] if len(split.ends) else None
+        before = time.process_time() - start
+
+        def polygon(
+            kind: str, path: Path = path, scale: Floats = scale, low: Floats = np.array([column, row])
+        ) -> Floats:
+            return (np.loadtxt(path.with_name(f"{path.stem}_{kind}.txt"))[:, :2] + 0.5) / scale - low
+
+        true = fill_winding(polygon("blade") * UP, height * UP, width * UP)
+        region = fill_winding(polygon("veins"), height, width)
+        away = cv2.distanceTransform((~region).astype(np.uint8), cv2.DIST_L2, 5)
+        width_px = np.ptp(np.flatnonzero(true.any(axis=0))) / UP
+        for how, veins in (("axis", None), ("given veins", draw_veins(region, blade)), ("found veins", traced)):
+            start = time.process_time()
+            leaf = model_lobed_leaf(blade, base_px=base, veins=veins)
+            figures = measure(leaf, true, time.process_time() - start + before)
+            lines = [leaf.ties.nodes[nodes] for nodes in leaf.ties.limb_nodes]
+            places = [spread_evenly(each, 300) * [1, -1] for each in lines]
+            near = [
+                (away[np.clip(each[:, 1].astype(int), 0, height - 1), np.clip(each[:, 0].astype(int), 0, width - 1)]
+                < 0.01 * width_px).mean() for each in places
+            ]  # fmt: skip
+            on_veins = np.average(near, weights=[arc_lengths(each)[-1] for each in lines])
+            text = f"{path.stem[-14:]} {how}"
+            case = Case(name=text, mask=blade, true=true, lobed=True)
+            extra = f"  on veins {on_veins:.3f}, p95 {100 * figures.p95_px / width_px:.2f} % of the width"
+            yield line(text, figures, True) + extra, draw(leaf, case, text)
+
+
+def write_sheet(path: Path, tiles: list[NDArray[np.uint8]]) -> None:
+    """Tiles beside and below each other in one picture."""
+    across = 7 if len(tiles) > 9 else 3
+    tiles = tiles + [np.full_like(tiles[0], 255)] * (-len(tiles) % across)
+    cv2.imwrite(str(path), np.vstack([np.hstack(tiles[k : k + across]) for k in range(0, len(tiles), across)]))
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=REPO.parent / "shared" / "data")
@@ -180,14 +233,24 @@ def main() -> int:
     parser.add_argument("--only", default="", help="measure masks whose names contain this")
     parser.add_argument("--turned", action="store_true", help="turn each mask by 90, 180 and 270 degrees too")
     parser.add_argument("--noise", action="store_true", help="make each outline uneven by about a pixel too")
+    parser.add_argument("--scans", action="store_true", help="measure the vine scans instead of masks")
     parser.add_argument("--sheet", type=Path, help="write a picture of masks, skeletons and ties here")
     options = parser.parse_args()
     if not options.data.is_dir():
         print(f"{options.data} is absent", file=sys.stderr)
         return 2
     print(f"{'leaf':34}    IoU     p95  overlap flip  corners  spline ctrl  ties lobe    CPU")
+    if options.scans:
+        tiles = []
+        for text, tile in measure_scans(options.data):
+            print(text, flush=True)
+            tiles.append(tile)
+        if options.sheet:
+            write_sheet(options.sheet, tiles)
+        return 0
     found: list[tuple[Case, Figures]] = []
-    tiles, changed = [], []
+    tiles = []
+    changed: list[str] = []
     rng = np.random.default_rng(0)
     cases = [case for case in masks(options.data) if options.only.lower() in case.name.lower()][:: options.every]
     for case in cases:
@@ -218,11 +281,7 @@ def main() -> int:
         f"changed by turns and noise {len(changed)}"
     )
     if options.sheet:
-        across = 7
-        tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % across)
-        cv2.imwrite(
-            str(options.sheet), np.vstack([np.hstack(tiles[k : k + across]) for k in range(0, len(tiles), across)])
-        )
+        write_sheet(options.sheet, tiles)
     return 0
 
 

@@ -1,4 +1,4 @@
-"""The petiole told from the blade, and sinuses opened, in drawn leaves."""
+"""The petiole set apart from the blade, and sinuses opened, in drawn leaves."""
 
 import cv2
 import numpy as np

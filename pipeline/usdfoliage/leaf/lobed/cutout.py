@@ -99,7 +99,7 @@ def cut_out_leaves(srgb: NDArray[np.uint8], settings: CutOutSettings = CutOutSet
     if min(reduced.shape[:2]) < 16:
         raise FitError(f"no leaf was found: the picture has {srgb.shape[1]} x {srgb.shape[0]} pixels, 16 x 16 needed")
     lab = cv2.cvtColor(cv2.GaussianBlur(reduced, (0, 0), _SOFTEN_PX), cv2.COLOR_RGB2LAB).astype(np.float32)
-    lab = (lab - np.float32([0, 128, 128])) * np.float32([100 / 255, 1, 1])
+    lab = (lab - np.array([0, 128, 128], np.float32)) * np.array([100 / 255, 1, 1], np.float32)
     ground = _find_ground(lab)
     away, colored = _measure_distance(lab, ground)
     threshold, contrast = _otsu(away)
@@ -153,7 +153,7 @@ def _find_ground(lab: NDArray[np.float32]) -> Floats:
     height, width = lab.shape[:2]
     step = max(1, int(np.sqrt(height * width / _SAMPLES)))
     few = np.ascontiguousarray(lab[step // 2 :: step, step // 2 :: step].reshape(-1, 3))
-    weights = np.float32([_LIGHT, 1, 1])
+    weights = np.array([_LIGHT, 1, 1], np.float32)
     clusters = min(_CLUSTERS, len(few))
     cv2.setRNGSeed(0)  # the same picture gives the same colours
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.3)
@@ -218,8 +218,8 @@ def _clean(solid: Mask) -> Mask:
     # Thin petioles and tips go with the opening: what hangs together with a piece of it comes back.
     near = cv2.dilate(opened, np.ones((3, 3), np.uint8)) & closed
     _, labels = cv2.connectedComponents(closed, connectivity=8)
-    held = np.unique(labels[near > 0])
-    return np.asarray(np.isin(labels, held[held > 0]) & (closed > 0))
+    joined = np.unique(labels[near > 0])
+    return np.asarray(np.isin(labels, joined[joined > 0]) & (closed > 0))
 
 
 def _sort_pieces(
@@ -291,14 +291,14 @@ def _fill_small(mask: Mask, ground: Mask, small: float) -> tuple[Mask, int, set[
     """A mask without its small holes and those that do not show the ground, and how many stay."""
     count, labels, measures, _ = cv2.connectedComponentsWithStats((~mask).astype(np.uint8), connectivity=4)
     rim = np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))
-    shown = np.bincount(labels[ground], minlength=count)
+    visible = np.bincount(labels[ground], minlength=count)
     filled, kept = mask.copy(), 0
     findings: set[Finding] = set()
     for hole in range(1, count):
         if hole in rim or mask[labels == hole].any():
             continue
         pixels = int(measures[hole, cv2.CC_STAT_AREA])
-        if pixels < small * mask.sum() or shown[hole] < pixels / 4:
+        if pixels < small * mask.sum() or visible[hole] < pixels / 4:
             filled |= labels == hole
             findings.add(Finding.HOLES_FILLED)
         else:

@@ -117,6 +117,7 @@ def _without_folds(
     silhouette: Silhouette, outline: Floats, base: Floats, paths: VeinPaths, ends: Floats, settings: LobedLeafSettings
 ) -> FlatLobedLeaf | None:
     """The leaf with paths along veins to as many of the ends (N, 2) as do not fold its ties; None for too few."""
+    # Other ends are tried rather than leaning ties, which take as long again.
     fewest = max(1, (len(ends) + 1) // 2)
     while len(ends) >= fewest:
         axis = follow_veins(paths, ends, settings.veins)
@@ -125,7 +126,7 @@ def _without_folds(
             skeleton = replace(settings.skeleton, smooth=settings.skeleton.smooth * smoother)
             try:
                 along = build_limbs(axis, outline, base, skeleton)
-                ties = lay_ties(along, outline, settings.ties)
+                ties = lay_ties(along, outline, replace(settings.ties, leans=()))
             except ValueError:
                 continue
             folded = ties.node[ties.areas() <= 0]

@@ -1,4 +1,4 @@
-"""The petiole of a leaf in a scan told from its blade, whether it lies beside it or over it.
+"""The petiole of a leaf in a scan set apart from its blade, whether it lies beside it or over it.
 
 A petiole over the blade is a long thin region of another colour; beside the blade it is a thin limb as well. What a
 petiole hides of the blade is filled in: both sides of it are blade.
@@ -26,7 +26,7 @@ class PetioleSettings:
     length: float = 0.1  # of the shortest one
     slender: float = 4.0  # its length, in its widths
     darker: float = 10.0  # Lab units, than paper: through a slit in a leaf paper is seen
-    colored: float = 5.0  # usual deviations, that its colour differs from the blade's
+    colored: float = 5.0  # median deviations, that its colour differs from the blade's
 
     def __post_init__(self) -> None:
         if not (0 < self.thinnest < self.width and self.length > 0 and self.slender >= 1):
@@ -90,9 +90,9 @@ def _colored(lab: Floats, mask: Mask, size: float, settings: PetioleSettings) ->
     inside = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
     if inside.sum() < 16:
         return np.zeros_like(mask)
-    usual = np.median(lab[inside], axis=0)
-    deviation = 1.5 + np.median(np.abs(lab[inside] - usual), axis=0)
-    differs = np.sqrt((((lab - usual) / deviation)[..., 1:] ** 2).sum(axis=-1)) > settings.colored
+    median = np.median(lab[inside], axis=0)
+    deviation = 1.5 + np.median(np.abs(lab[inside] - median), axis=0)
+    differs = np.sqrt((((lab - median) / deviation)[..., 1:] ** 2).sum(axis=-1)) > settings.colored
     differs &= inside
     core = cv2.morphologyEx(differs.astype(np.uint8), cv2.MORPH_OPEN, _disc(settings.thinnest * size / 2)) > 0
     return _long(core, size, settings, touching=differs)

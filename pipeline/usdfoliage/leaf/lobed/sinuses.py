@@ -94,14 +94,14 @@ def _bridge(region: Mask, rim: Floats, size: float, settings: SinusSettings) -> 
     best: tuple[float, Floats] | None = None
     for direction in (axis, -axis):
         end = points[np.argmax((points - middle) @ direction)]
-        way = rim - end
-        away = np.linalg.norm(way, axis=1)
-        turn = 1 - (way @ direction) / np.maximum(away, 1e-9)
+        route = rim - end
+        away = np.linalg.norm(route, axis=1)
+        turn = 1 - (route @ direction) / np.maximum(away, 1e-9)
         near = np.flatnonzero((away <= settings.overlap * size) & (away <= settings.beside * length) & (turn < 0.7))
         if len(near):
             dear = away[near] * (1 + 2 * turn[near])
             place = int(near[np.argmin(dear)])
             if best is None or dear.min() < best[0]:
-                ahead = way[place] / max(float(away[place]), 1e-9)
+                ahead = route[place] / max(float(away[place]), 1e-9)
                 best = float(dear.min()), np.stack([end - 2 * ahead, rim[place] + 2 * ahead])
     return None if best is None else best[1]

@@ -34,7 +34,7 @@ class TieSettings:
     """How dense ties are, and what they cost."""
 
     spacing_px: float = 3.0  # along the outline, at most, before ties slide
-    most: int = 700  # about so many in all: in larger leaves they are farther apart
+    limit: int = 700  # about so many in all: in larger leaves they are farther apart
     samples: int = 4  # places of the outline between neighbours, to which a tie may slide
     slides: tuple[int, ...] = (4, 8, 16)  # spacings by which it may slide; more where a quad is folded else
     leans: tuple[float, ...] = (0.5, 1.0)  # of ties towards tips, in their lengths, tried where quads are folded else
@@ -45,8 +45,8 @@ class TieSettings:
     folded: float = 60.0  # a quad with a negative area; a triangle of it costs a twentieth
 
     def __post_init__(self) -> None:
-        if not (self.spacing_px > 0 and self.most >= 20 and self.samples >= 1 and self.slides):
-            raise ValueError("spacing_px must be above 0, most at least 20, samples 1 or more, slides given")
+        if not (self.spacing_px > 0 and self.limit >= 20 and self.samples >= 1 and self.slides):
+            raise ValueError("spacing_px must be above 0, limit at least 20, samples 1 or more, slides given")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,7 +88,7 @@ def lay_ties(tree: LimbTree, outline: Floats, settings: TieSettings = TieSetting
         ValueError: No ties were found that go around the outline in order.
     """
     length = float(arc_lengths(np.concatenate([outline, outline[:1]]))[-1])
-    spacing = max(settings.spacing_px, length / settings.most)
+    spacing = max(settings.spacing_px, length / settings.limit)
     samples = _from_base(tree, outline, int(np.ceil(length / spacing)) * settings.samples)
     legs = walk_around(tree)
     anchor = _anchors(tree, legs, samples)
@@ -249,7 +249,7 @@ def _slide(walk: Floats, place: Floats, samples: Floats, reach: int, settings: T
     """(M + 1,) the samples at which ties end, from the first to itself again; None where there is no order of them.
 
     Args:
-        walk: (M + 1, 2), where ties begin, the first and the last alike.
+        walk: (M + 1, 2), where ties begin, the first and the last the same.
         place: (M + 1,), where they would end if they were equally spaced, in samples.
         samples: (S, 2), of the outline.
         reach: How many samples a tie may slide.

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
@@ -74,7 +74,7 @@ def measure_veins(
     size = float(np.sqrt(blade.sum()))
     lab = cv2.cvtColor(srgb, cv2.COLOR_RGB2LAB).astype(np.float32)
     inside = cv2.erode(blade.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
-    total = np.zeros(blade.shape, np.float32)
+    total: NDArray[np.float32] = np.zeros(blade.shape, np.float32)
     if inside.sum() < 16:
         return total
     # Outside of the blade its own mean colour goes on, so that the silhouette is no ridge.
@@ -86,7 +86,7 @@ def measure_veins(
     flat = np.where(inside[..., None], lab - around, 0)
     for channel in range(3):
         noise = float(np.median(np.abs(flat[..., channel][inside]))) + 0.5
-        best, highest = total, -1.0
+        best, highest = np.zeros_like(total), -1.0
         for sign in (1, -1):
             ridge = np.maximum(
                 _ridge(np.ascontiguousarray(sign * flat[..., channel]), max(1.0, settings.width * size / 2)),
@@ -96,7 +96,7 @@ def measure_veins(
             # Long ridges: those that a blur along all directions leaves high.
             strength = float(np.percentile(ridge[inside], 98) - np.percentile(ridge[inside], 60))
             if strength > highest:
-                best, highest = ridge, strength
+                best, highest = np.asarray(ridge, np.float32), strength
         total = total + best
     top = float(np.percentile(total[inside], 98.5))
     clear = np.clip(total / max(top, 1e-6), 0, 1) * inside
@@ -108,7 +108,7 @@ def measure_veins(
 
 
 def draw_veins(region: Mask, blade: Mask) -> NDArray[np.float32]:
-    """(H, W) how clearly each pixel is on a vein, 0 to 1, where the region of all veins is given: most in its middle."""
+    """(H, W) how clearly each pixel is on a vein, 0 to 1, of the region of all veins: more so in its middle."""
     deep = cv2.distanceTransform(region.astype(np.uint8), cv2.DIST_L2, 5)
     if not region.any():
         return deep
@@ -178,20 +178,22 @@ def find_paths(
         raise ValueError("the blade is too thin for a path")
     deep = cv2.distanceTransform(np.pad(room, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
     clear = cv2.resize(veins, size, interpolation=cv2.INTER_AREA)
-    clear = np.clip(clear / max(float(clear.max()), 1e-6), 0, 1)
+    clearest = np.asarray(np.clip(clear / max(float(clear.max()), 1e-6), 0, 1), np.float64)
     dear = 1 + (_RIM - 1) * np.clip(1 - deep / (settings.clear * settings.grain_px), 0, 1)
-    cost = dear * _SHORTCUT / (_SHORTCUT + (1 - _SHORTCUT) * clear)
+    cost = dear * _SHORTCUT / (_SHORTCUT + (1 - _SHORTCUT) * clearest)
     number = np.full(room.shape, -1, np.int64)
     number[room] = np.arange(room.sum())
     places = np.argwhere(room)[:, ::-1] + 0.5
-    hub = _find_hub(places, deep[room], clear[room], base_px / step, settings)
-    away, before = dijkstra(_join_pixels(number, cost), directed=False, indices=hub, return_predecessors=True)
+    hub = _find_hub(places, deep[room].astype(np.float64), clearest[room], base_px / step, settings)
+    away, before = dijkstra(
+        _join_pixels(number, cost), directed=False, indices=np.array([hub]), return_predecessors=True
+    )
     return VeinPaths(
         places=places * step,
-        away=away,
-        before=before,
-        deep=deep[room] * step[0],
-        rim=np.flatnonzero((deep[room] < 2) & np.isfinite(away)),
+        away=away[0],
+        before=before[0].astype(np.int64),
+        deep=deep[room].astype(np.float64) * step[0],
+        rim=np.flatnonzero((deep[room] < 2) & np.isfinite(away[0])),
         hub=hub,
         base=base_px,
         size=float(np.sqrt(blade.sum())),
@@ -227,16 +229,16 @@ def follow_veins(paths: VeinPaths, tips: Floats, settings: VeinSettings = VeinSe
         ValueError: No tip can be reached inside the blade.
     """
     ends = {_find_end(paths, tip, settings.tip * paths.size) for tip in tips} - {paths.hub}
-    ways = []
+    routes = []
     for end in sorted(ends, key=lambda place: (-paths.away[place], place)):
         if np.isfinite(paths.away[end]):
-            way = [end]
-            while way[-1] != paths.hub:
-                way.append(int(paths.before[way[-1]]))
-            ways.append(way[::-1])
-    if not ways:
+            route = [end]
+            while route[-1] != paths.hub:
+                route.append(int(paths.before[route[-1]]))
+            routes.append(route[::-1])
+    if not routes:
         raise ValueError("no tip of a lobe is reached from the base")
-    chains = _join_forks(ways, paths.places, settings.join * paths.size)
+    chains = _join_forks(routes, paths.places, settings.join * paths.size)
     return _add_petiole(_as_axis(chains, paths.places, paths.deep), paths.places[paths.hub], paths.base)
 
 
@@ -290,7 +292,7 @@ def _ridge(channel: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
     return np.asarray(np.maximum(sharp - np.maximum(np.abs(blunt), 0), 0) * np.float32(sigma**2 / 64))
 
 
-def _join_pixels(number: Ints, cost: Floats) -> coo_matrix:
+def _join_pixels(number: Ints, cost: Floats) -> csr_array:
     """The graph of pixels and what it costs to go from one to another."""
     height, width = number.shape
     one, other, weights = [], [], []
@@ -306,7 +308,7 @@ def _join_pixels(number: Ints, cost: Floats) -> coo_matrix:
         other.append(there[both])
         weights.append(mean[both] * np.hypot(down, right))
     count = int(number.max()) + 1
-    return coo_matrix(
+    return coo_array(
         (np.concatenate(weights), (np.concatenate(one), np.concatenate(other))), shape=(count, count)
     ).tocsr()
 
