@@ -183,7 +183,7 @@ def find_paths(
     cost = dear * _SHORTCUT / (_SHORTCUT + (1 - _SHORTCUT) * clearest)
     number = np.full(room.shape, -1, np.int64)
     number[room] = np.arange(room.sum())
-    places = np.argwhere(room)[:, ::-1] + 0.5
+    places = np.argwhere(room)[:, ::-1].astype(np.float64) + 0.5
     hub = _find_hub(places, deep[room].astype(np.float64), clearest[room], base_px / step, settings)
     away, before = dijkstra(
         _join_pixels(number, cost), directed=False, indices=np.array([hub]), return_predecessors=True
