@@ -1118,9 +1118,19 @@ SECTIONS: tuple[RemarkSection, ...] = (
                 meaning="The leaf's mask is the alpha channel of the scan.",
                 action="Nothing.",
             ),
-            "lobed-mask-of-threshold": RemarkKind(
+            "lobed-mask-of-colours": RemarkKind(
                 severity="info",
-                meaning="No mask is given. The leaf is what differs in colour from the frame of the scan.",
+                meaning="No mask is given. The leaf is what differs in colour from the paper or ground around it.",
+                action="Look at the silhouette in the report. Give a mask if it is wrong.",
+            ),
+            "lobed-touching": RemarkKind(
+                severity="warning",
+                meaning="A leaf of the scan seems to be several leaves that touch each other.",
+                action="Part them in a mask, or scan them again with room between them.",
+            ),
+            "lobed-low-contrast": RemarkKind(
+                severity="warning",
+                meaning="A leaf differs little in colour from its ground. Its silhouette is uncertain.",
                 action="Look at the silhouette in the report. Give a mask if it is wrong.",
             ),
             "lobed-dust": RemarkKind(

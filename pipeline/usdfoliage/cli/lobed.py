@@ -1,9 +1,9 @@
 """Make a leaf of several lobes from one scan, and write an asset.
 
 SCAN is a picture of a leaf that lies flat, as a flatbed scanner makes it. With --mask the leaf is what is white there.
-Without it the alpha of the picture cuts the leaf out. A picture without alpha must have one background, from which the
-leaf stands out. The leaf keeps its silhouette, its skeleton and its railroad ties as numbers, and every lobe can be
-turned, bent and twisted by itself.
+Without it the alpha of the picture cuts the leaf out. In a picture without alpha the leaf is what differs in colour
+from the paper or ground around it, also on ruled paper. The leaf keeps its silhouette, its skeleton and its railroad
+ties as numbers, and every lobe can be turned, bent and twisted by itself.
 
     usdfoliage lobed oak_scan.png --mask oak_mask.png -o assets/oak_leaf --dpi 300
 
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         type=Path,
         help="This image has the size of the scan and is white on the leaf. The default is the alpha of the scan, or "
-        "else what differs in colour from its frame.",
+        "else what differs in colour from the ground of the scan.",
     )
     files.add_argument(
         "--species", metavar="NAME", default=LobedRequest.species, help="This species is written into the asset."

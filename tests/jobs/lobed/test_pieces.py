@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from usdfoliage.errors import CaptureError
-from usdfoliage.jobs.lobed.pieces import PieceSettings, split_pieces, threshold_leaf
+from usdfoliage.jobs.lobed.pieces import PieceSettings, cut_out_scan, split_pieces
 
 from tests.support.leaves.lobed import lobed_mask
 
@@ -47,13 +47,14 @@ def test_a_leaf_stands_out_from_its_background():
     mask = lobed_mask()
     rng = np.random.default_rng(0)
     linear = np.where(mask[..., None], [0.05, 0.2, 0.03], [0.8, 0.8, 0.75]) + 0.01 * rng.random((240, 240, 3))
-    found = threshold_leaf(linear.astype(np.float32))
-    assert (found & mask).sum() / (found | mask).sum() > 0.99
+    found, findings = cut_out_scan(linear.astype(np.float32))
+    assert (found & mask).sum() / (found | mask).sum() > 0.98
+    assert not findings
 
 
 @pytest.mark.parametrize("background", [0.0, 0.5, 1.0])
 def test_an_empty_scan_has_no_leaf(background):
     rng = np.random.default_rng(0)
     linear = np.clip(background + 0.02 * rng.normal(size=(120, 160, 3)), 0, 1).astype(np.float32)
-    with pytest.raises(CaptureError, match="no leaf stands out"):
-        threshold_leaf(linear)
+    with pytest.raises(CaptureError, match="no leaf was found"):
+        cut_out_scan(linear)

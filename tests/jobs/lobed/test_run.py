@@ -88,7 +88,7 @@ def test_a_scan_without_mask_and_scale_is_remarked_on(tmp_path, capsys):
     scan, _ = write_scan(tmp_path, lobed_mask((90,)))
     assert run(scan, "-o", tmp_path / "out", "--no-preview", "--json") == 0
     made = json.loads(capsys.readouterr().out)
-    assert {each["code"] for each in made["remarks"]} == {"lobed-mask-of-threshold", "lobed-size-assumed"}
+    assert {each["code"] for each in made["remarks"]} == {"lobed-mask-of-colours", "lobed-size-assumed"}
 
 
 def test_a_hole_stays_a_hole_of_the_texture(tmp_path, capsys):

@@ -12,8 +12,9 @@ from usdfoliage.capture.folder.images import Photo, read_photo
 from usdfoliage.capture.folder.masks import read_mask
 from usdfoliage.capture.folder.raster import read_image_spec
 from usdfoliage.errors import CaptureError, FitError
-from usdfoliage.jobs.lobed.pieces import LeafPieces, split_pieces, threshold_leaf
+from usdfoliage.jobs.lobed.pieces import LeafPieces, cut_out_scan, split_pieces
 from usdfoliage.jobs.lobed.request import DEFAULT_HEIGHT_M, METRES_PER_INCH, LobedRequest
+from usdfoliage.leaf.lobed.cutout import Finding
 from usdfoliage.leaf.lobed.model import FlatLobedLeaf, model_lobed_leaf
 from usdfoliage.leaf.lobed.placed import LobedLeaf, PictureCrop, place_leaf
 from usdfoliage.remarks import Argument, Remark, remark
@@ -53,7 +54,7 @@ def read_scan(request: LobedRequest) -> Scan:
     """Read the picture and its mask; without one the alpha of the picture is the mask, else what stands out from it.
 
     Raises:
-        CaptureError: see read_photo, read_mask, split_pieces and threshold_leaf; or the picture is too large.
+        CaptureError: see read_photo, read_mask, split_pieces and cut_out_scan; or the picture is too large.
     """
     spec = read_image_spec(request.scan)
     if spec is not None and spec.width * spec.height > MAX_PX:
@@ -71,11 +72,15 @@ def read_scan(request: LobedRequest) -> Scan:
         remarks.append(remark("lobed-mask-of-alpha", "the mask is the alpha channel of the scan"))
     else:
         try:
-            mask, source = threshold_leaf(photo.linear), "threshold"
+            (mask, findings), source = cut_out_scan(photo.linear), "colours"
         except CaptureError as error:
             raise CaptureError(f"{error.text} ({request.scan})", error.remedy) from error
-        text = f"the mask is what differs from the frame of the scan, {mask.mean():.0%} of it"
-        remarks.append(remark("lobed-mask-of-threshold", text, remedy=("look at it in the report, or give ", _MASK)))
+        text = f"the mask is what differs in colour from the ground of the scan, {mask.mean():.0%} of it"
+        remarks.append(remark("lobed-mask-of-colours", text, remedy=("look at it in the report, or give ", _MASK)))
+        if Finding.TOUCHING in findings:
+            remarks.append(remark("lobed-touching", "a leaf of the scan seems to be several that touch each other"))
+        if Finding.LOW_CONTRAST in findings:
+            remarks.append(remark("lobed-low-contrast", "a leaf differs little from its ground: see its silhouette"))
     try:
         pieces = split_pieces(mask, request.pieces)
     except CaptureError as error:

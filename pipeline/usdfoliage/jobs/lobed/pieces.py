@@ -6,15 +6,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from usdfoliage.errors import CaptureError
+from usdfoliage.errors import CaptureError, FitError
 from usdfoliage.geometry.color import encode_srgb
+from usdfoliage.leaf.lobed.cutout import Finding, cut_out_leaves
 from usdfoliage.remarks import Argument
 
-_BORDER = 0.02  # of the shorter side: the frame whose colour is that of the background
-_CONTRAST = 0.08  # of white, in the mean, by which a leaf differs from the background
-_COVER = (0.002, 0.98)  # share of the picture that leaves cover
-_GRAIN = 5  # pixels across: what is smaller is grain of the picture
-_WHOLE = 0.01  # share of what stands out that its largest piece has; of grain no piece has so much
+_INSIDE = 0.5  # of a pixel, from which on it is of the leaf
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,30 +76,22 @@ def split_pieces(mask: NDArray[np.bool_], settings: PieceSettings = PieceSetting
     )
 
 
-def threshold_leaf(linear: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(H, W) what differs in colour from the frame of a picture (H, W, 3), linear, by the threshold of Otsu.
+def cut_out_scan(linear: NDArray[np.float32]) -> tuple[NDArray[np.bool_], frozenset[Finding]]:
+    """(H, W) where leaves are in a picture (H, W, 3), linear, and what was found about them.
 
     Raises:
-        CaptureError: Nothing stands out clearly from the frame.
+        CaptureError: No leaf was found.
     """
-    encoded = np.clip(encode_srgb(linear), 0, 1).astype(np.float32)
-    width = max(1, round(_BORDER * min(linear.shape[:2])))
-    inner = encoded[width:-width, width:-width]
-    framed = np.ones(linear.shape[:2], bool)
-    framed[width : width + inner.shape[0], width : width + inner.shape[1]] = False
-    background = np.median(encoded[framed], axis=0)
-    away = np.linalg.norm(encoded - background, axis=2) / np.sqrt(3)
-    levels = cv2.medianBlur(np.rint(255 * np.clip(away, 0, 1)).astype(np.uint8), _GRAIN)
-    threshold, _ = cv2.threshold(levels, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    mask = levels > threshold
-    cover = float(mask.mean())
-    contrast = float(away[mask].mean() - away[~mask].mean()) if 0 < cover < 1 else 0.0
-    areas = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)[2][1:, cv2.CC_STAT_AREA]
-    is_whole = len(areas) > 0 and areas.max() >= _WHOLE * areas.sum()
-    if contrast < _CONTRAST or not is_whole or not _COVER[0] <= cover <= _COVER[1]:
-        raise CaptureError(
-            f"no leaf stands out from the background: {cover:.1%} of the picture differ from its frame, by "
-            f"{contrast:.1%} of white in the mean, where {_CONTRAST:.0%} are needed",
-            ("paint the leaf white on black, and give that with ", Argument(name="mask")),
-        )
-    return mask
+    encoded = np.rint(255 * np.clip(encode_srgb(linear), 0, 1)).astype(np.uint8)
+    try:
+        found = cut_out_leaves(encoded)
+    except FitError as error:
+        remedy = ("paint the leaf white on black, and give that with ", Argument(name="mask"))
+        raise CaptureError(error.text, remedy) from error
+    mask = np.zeros(found.reduced.shape[:2], np.float32)
+    for leaf in found.leaves:
+        (row, column), (height, width) = leaf.corner, leaf.mask.shape
+        mask[row : row + height, column : column + width][leaf.mask] = 1
+    if mask.shape != linear.shape[:2]:
+        mask = cv2.resize(mask, linear.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    return mask >= _INSIDE, frozenset().union(*(leaf.findings for leaf in found.leaves))
