@@ -365,25 +365,13 @@ def selected_by(view: dict, request: dict) -> Selected:
 
 
 def show(stage, selected: Selected, time):
-    """Select variants on the stage, and no others in its session layer; how much there is to draw then, and as what.
-
-    Where there is too much, plants are drawn in a lighter form: those of a forest as reliefs where its level is not
-    chosen, and what is too much still as cards or crowns where the lod is not chosen.
-    """
-    from weight import LEVEL, MAX_TRIANGLES, draw_lighter, draw_reliefs, weigh
+    """Select variants on the stage, and no others in its session layer; how much there is to draw then, and as what."""
+    from weight import lighten
 
     stage.GetSessionLayer().Clear()
     for name, chosen in selected.variants:
         select_variant(stage, name, chosen)
-    weight = weigh(stage, time, list(selected.purposes))
-    lighter, chosen = "", dict(selected.variants)
-    if weight.drawn(0) > MAX_TRIANGLES and "lod" not in chosen and LEVEL not in chosen:
-        lighter = draw_reliefs(stage)
-        weight = weigh(stage, time, list(selected.purposes)) if lighter else weight
-    if weight.drawn(0) > MAX_TRIANGLES and "lod" not in chosen:
-        lighter = draw_lighter(stage) or lighter
-        weight = weigh(stage, time, list(selected.purposes))
-    return weight, lighter
+    return lighten(stage, time, list(selected.purposes), [name for name, _ in selected.variants])
 
 
 def choose_common_scale(stage, time, request: dict, groups: dict[Selected, list[int]]) -> int:

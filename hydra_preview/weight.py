@@ -8,6 +8,7 @@ MANY = 100_000  # triangles, from which on a larger picture costs less than seve
 MAX_TRIANGLES = 20_000_000  # beyond them plants are drawn in a lighter form
 CARD_TRIANGLES = 12
 LEVEL, RELIEF = "level", "relief"  # variant set of a forest, and the variant that has the fewest faces
+LOD = "lod"  # that of a plant
 MAX_SIDE_PX = 8192  # as the product has it, whose pictures may be no larger
 MAX_PIXELS = 1 << 25
 REFINED_BY = 0.1  # of complexity, a level: each divides a face into four
@@ -117,6 +118,20 @@ def choose_scale(weight: Weight, complexity: float, samples: int, sizes_px: list
         return 1
     fits = all(scale * max(size) <= MAX_SIDE_PX and scale**2 * size[0] * size[1] <= MAX_PIXELS for size in sizes_px)
     return scale if fits else 1
+
+
+def lighten(stage, time, purposes: list[str], chosen: list[str]) -> tuple[Weight, str]:
+    """How much there is to draw, in a lighter form where it is too much, and that form; empty for what it was.
+
+    Plants of a forest become reliefs unless its level is among the variant sets that the user has chosen. What is too
+    much still becomes cards or crowns, unless the lod is.
+    """
+    weight, lighter = weigh(stage, time, purposes), ""
+    for sets, draw in (({LEVEL, LOD}, draw_reliefs), ({LOD}, draw_lighter)):
+        if weight.drawn(0) > MAX_TRIANGLES and sets.isdisjoint(chosen):
+            form = draw(stage)
+            weight, lighter = (weigh(stage, time, purposes), form) if form else (weight, lighter)
+    return weight, lighter
 
 
 def draw_lighter(stage) -> str:

@@ -10,6 +10,7 @@ from weight import (
     choose_scale,
     draw_lighter,
     draw_reliefs,
+    lighten,
     weigh,
 )
 
@@ -184,3 +185,21 @@ def test_plants_of_a_forest_are_drawn_as_reliefs():
     assert draw_reliefs(stage) == "relief"
     assert levels.GetVariantSelection() == "relief"
     assert draw_reliefs(plant_stage(cards=True, crown=True)) == ""
+
+
+@pytest.mark.parametrize(
+    ("chosen", "form", "level"),
+    [(["lod"], "", "crown"), (["level"], "crown", "crown"), ([], "crown", "relief")],
+)
+def test_what_is_chosen_is_not_drawn_lighter(monkeypatch, chosen, form, level):
+    monkeypatch.setattr("weight.MAX_TRIANGLES", 100)
+    forest = Usd.Stage.CreateInMemory()
+    source = plant_stage(cards=False, crown=True)
+    forest.DefinePrim("/Forest/Plant", "Xform").GetReferences().AddReference(source.GetRootLayer().identifier)
+    levels = forest.GetPrimAtPath("/Forest").GetVariantSets().AddVariantSet("level")
+    for each in ("crown", "relief"):
+        levels.AddVariant(each)
+    levels.SetVariantSelection("crown")
+    weight, lighter = lighten(forest, Usd.TimeCode.Default(), ["default"], chosen)
+    assert (weight, lighter) == (Weight(triangles=10 if form else 400), form)
+    assert levels.GetVariantSelection() == level
