@@ -11,10 +11,11 @@ from usdfoliage.asset.packages.leaf_package import write_crown_asset
 from usdfoliage.asset.provenance import Provenance
 from usdfoliage.asset.validation.studio_profile import default_profile, read_profile
 from usdfoliage.asset.validation.validate import validate_asset
-from usdfoliage.forest.raster import Raster, to_ground
+from usdfoliage.forest.raster import Raster, pixel_grid, sample_bilinear, sample_nearest, to_ground
+from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.jobs.forest.ground import CONTACT_SIDE_PX, contact_grid, lay_photo
 
-from tests.support.forests.scene import forest_scene, write_forest_files
+from tests.support.forests.scene import forest_scene, frame, write_forest_files, write_raster
 from tests.support.plant_assets import round_crown
 
 
@@ -136,3 +137,30 @@ def test_without_that_option_it_has_no_lights(files, tmp_path):
     stage = make(files, tmp_path / "valley")
     assert not [prim for prim in stage.Traverse() if prim.HasAPI(UsdLux.LightAPI)]
     assert not (tmp_path / "valley" / "maps" / "valley_sky.exr").exists()
+
+
+def test_on_a_turned_dem_the_orthophoto_lies_where_it_was_taken(files, tmp_path):
+    scene = forest_scene()
+    size = scene.dem.values.shape[0]
+    middle_m = frame() @ [size / 2, size / 2, 1.0]
+    turned = np.array([[0.4, 0.3], [0.3, -0.4]])
+    matrix = np.column_stack([turned, middle_m - turned @ [30, 30]])
+    grid_m = pixel_grid(Raster(values=np.zeros((60, 60)), ground_from_pixel=matrix))
+    heights = sample_bilinear(scene.dem, grid_m.reshape(-1, 2)).reshape(60, 60).astype(np.float32)
+    changed = files | {"dem": write_raster(tmp_path / "turned.tif", heights, matrix=matrix)}
+    out = tmp_path / "valley"
+    stage = make(changed, out)
+    terrain = UsdGeom.Mesh(stage.GetPrimAtPath("/valley/terrain"))
+    points = np.array(terrain.GetPointsAttr().Get())
+    st = np.array(UsdGeom.PrimvarsAPI(terrain).GetPrimvar("st").Get())
+    picture = cv2.imread(str(out / "maps" / "valley_orthophoto.png"))[..., ::-1].astype(float)
+    height, width = picture.shape[:2]
+    seen = picture[((1 - st[:, 1]) * height).astype(int), (st[:, 0] * width).astype(int)]
+    back = np.linalg.inv(np.array(stage.GetDefaultPrim().GetAttribute("foliage:captureToAsset").Get()))
+    ground_m = (np.column_stack([points, np.ones(len(points))]) @ back)[:, :2]
+    true = encode_srgb(np.asarray(sample_nearest(scene.orthophoto, ground_m))) * 255
+    assert np.median(np.abs(seen - true)) < 6  # pixels of half a metre at other places
+    bounds = stage.GetPrimAtPath("/valley/plants/crown").GetAttribute("foliage:forest:orthophotoBounds").Get()
+    low = np.array(bounds)[:2]
+    east, south = (points[:, [0, 2]] - low).T / (np.array(bounds)[2:] - low)[:, None]
+    np.testing.assert_allclose(np.column_stack([east, 1 - south]), st, atol=1e-4)
