@@ -12,8 +12,9 @@ from usdfoliage.crown.model import CrownModel
 from usdfoliage.crown.silhouette_view import draw_silhouette
 from usdfoliage.crown.views import CrownView
 from usdfoliage.errors import PreviewError
-from usdfoliage.jobs.crown.photograph_report import JPEG_QUALITY, RADIUS_FACES, CrownReport, write_map_pictures
+from usdfoliage.jobs.crown.photograph_report import JPEG_QUALITY, RADIUS_FACES, write_map_pictures
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, render_views
+from usdfoliage.jobs.report.content import ReportContent
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import shrink_to, shrunk_size, write_picture
 from usdfoliage.jobs.report.table import ReportPicture, ReportView, Row, WrittenReport
@@ -102,7 +103,7 @@ def draw_captured_crown(
 
 
 def write_captured_report(
-    folder: Path, report: CrownReport, model: CrownModel, measures: CapturedCrownMeasures, drawn: DrawnCrown
+    folder: Path, report: ReportContent, model: CrownModel, measures: CapturedCrownMeasures, drawn: DrawnCrown
 ) -> WrittenReport:
     """Write index.html and the pictures of the cubemaps into folder, which holds those of drawn."""
     low, high = write_map_pictures(folder, model)

@@ -1,7 +1,6 @@
 """The quality report of a crown: what one looks at before a crown is accepted."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
@@ -12,11 +11,12 @@ from usdfoliage.crown.model import CrownModel
 from usdfoliage.geometry.color import encode_srgb
 from usdfoliage.geometry.cubemap import FACES
 from usdfoliage.jobs.crown.photograph import CrownMeasures
+from usdfoliage.jobs.report.content import ReportContent
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import write_picture
-from usdfoliage.jobs.report.table import ReportView, Row
+from usdfoliage.jobs.report.table import Row
 from usdfoliage.jobs.report.timings import write_step_times
-from usdfoliage.remarks import Remark, RenderSetting, list_sentences
+from usdfoliage.remarks import list_sentences
 
 PICTURE_PX = 900  # longer side of the photograph in the report
 COLOR_FACES, RADIUS_FACES = "color_faces.jpg", "radius_faces.png"  # the cubemaps, unfolded
@@ -33,23 +33,9 @@ UNFOLDED: Mapping[str, tuple[int, int]] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CrownReport:
-    """What the report has besides the model itself."""
-
-    name: str
-    capture: str
-    generator: str
-    remarks: Sequence[Remark]  # what the reader should know first
-    render_setting: RenderSetting
-    settings: Mapping[str, str]
-    views: Sequence[ReportView]
-    seconds: Mapping[str, float]  # by step; none where the report does not show them
-
-
 def write_crown_report(
     folder: Path,
-    report: CrownReport,
+    report: ReportContent,
     model: CrownModel,
     measures: CrownMeasures,
     color: NDArray[np.floating],

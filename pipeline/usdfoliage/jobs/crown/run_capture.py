@@ -31,11 +31,11 @@ from usdfoliage.files.hashing import digest_file, hash_each
 from usdfoliage.geometry.color import decode_srgb
 from usdfoliage.jobs.crown.capture_input import CrownCapture, PlantPoints, read_crown_capture
 from usdfoliage.jobs.crown.capture_report import DrawnCrown, captured_rows, draw_captured_crown, write_captured_report
-from usdfoliage.jobs.crown.photograph_report import CrownReport
 from usdfoliage.jobs.crown.written import describe_mesh_size
 from usdfoliage.jobs.leaf_picture import describe_leaf, read_leaf_picture
 from usdfoliage.jobs.plant_cloud import PlantCloudRequest
 from usdfoliage.jobs.preview.pictures import remark_missing_pictures
+from usdfoliage.jobs.report.content import ReportContent
 from usdfoliage.jobs.report.published import PublishedAsset
 from usdfoliage.jobs.report.table import Row, WrittenReport
 from usdfoliage.progress import StepProgress
@@ -178,7 +178,7 @@ def report_crown(
     remarks = found.remarks
     if drawn.failure is not None:
         remarks += (remark_missing_pictures(drawn.failure),)
-    report = CrownReport(
+    report = ReportContent(
         name=request.name,
         capture=found.read.name,
         generator=f"usdfoliage {__version__}",

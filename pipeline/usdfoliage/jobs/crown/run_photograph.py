@@ -20,10 +20,11 @@ from usdfoliage.crown.leaf_picture import LeafPicture
 from usdfoliage.errors import AssetError, FoliageError, PreviewError
 from usdfoliage.files.hashing import hash_bytes, hash_file
 from usdfoliage.jobs.crown.photograph import STEPS, CrownSettings, reconstruct_crown
-from usdfoliage.jobs.crown.photograph_report import CrownReport, measure_rows, write_crown_report
+from usdfoliage.jobs.crown.photograph_report import measure_rows, write_crown_report
 from usdfoliage.jobs.crown.written import describe_mesh_size
 from usdfoliage.jobs.leaf_picture import describe_leaf, read_leaf_picture
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
+from usdfoliage.jobs.report.content import ReportContent
 from usdfoliage.jobs.report.published import PublishedAsset
 from usdfoliage.jobs.report.table import ReportView
 from usdfoliage.progress import StepProgress, progress_in_step
@@ -146,7 +147,7 @@ def make_crown_asset(request: CrownRequest, progress: StepProgress | None = None
                 views = _draw(interface, report_folder, progress)
             except PreviewError as error:
                 remarks.append(remark_missing_pictures(error))
-        report = CrownReport(
+        report = ReportContent(
             name=request.name,
             capture=request.photo.name,
             generator=provenance.generator,

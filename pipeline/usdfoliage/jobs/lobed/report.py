@@ -1,7 +1,5 @@
 """The quality report of a lobed leaf: how it was made, step by step, and how it looks flat and bent."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +7,12 @@ from numpy.typing import NDArray
 
 from usdfoliage.jobs.lobed.model import ModelledLeaf
 from usdfoliage.jobs.lobed.pictures import draw_making
+from usdfoliage.jobs.report.content import ReportContent
 from usdfoliage.jobs.report.environment import render_template
 from usdfoliage.jobs.report.pictures import write_picture
-from usdfoliage.jobs.report.table import ReportPicture, ReportView, Row
+from usdfoliage.jobs.report.table import ReportPicture, Row
 from usdfoliage.jobs.report.timings import write_step_times
-from usdfoliage.remarks import Remark, RenderSetting, list_sentences
+from usdfoliage.remarks import list_sentences
 
 _CAPTIONS = {
     "scan": "The leaf in its scan.",
@@ -24,21 +23,7 @@ _CAPTIONS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LobedReport:
-    """What the report has besides the leaf itself."""
-
-    name: str
-    capture: str
-    generator: str
-    remarks: Sequence[Remark]  # what the reader should know first
-    render_setting: RenderSetting
-    settings: Mapping[str, str]
-    views: Sequence[ReportView]
-    seconds: Mapping[str, float]  # by step; none where the report does not show them
-
-
-def write_lobed_report(folder: Path, report: LobedReport, leaf: ModelledLeaf, linear: NDArray[np.float32]) -> Path:
+def write_lobed_report(folder: Path, report: ReportContent, leaf: ModelledLeaf, linear: NDArray[np.float32]) -> Path:
     """Write index.html and its pictures into folder; returns the page.
 
     Args:

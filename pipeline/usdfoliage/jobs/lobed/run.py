@@ -17,9 +17,10 @@ from usdfoliage.errors import AssetError, PreviewError
 from usdfoliage.files.hashing import hash_bytes, hash_file
 from usdfoliage.files.temporary_folder import temporary_folder
 from usdfoliage.jobs.lobed.model import ModelledLeaf, Scan, model_leaves, read_scan
-from usdfoliage.jobs.lobed.report import LobedReport, measure_rows, write_lobed_report
+from usdfoliage.jobs.lobed.report import measure_rows, write_lobed_report
 from usdfoliage.jobs.lobed.request import LobedRequest
 from usdfoliage.jobs.preview.pictures import PreviewSettings, PreviewView, remark_missing_pictures, render_views
+from usdfoliage.jobs.report.content import ReportContent
 from usdfoliage.jobs.report.published import PublishedAsset
 from usdfoliage.jobs.report.table import ReportView
 from usdfoliage.leaf.lobed.deformation import BranchFunctions, bend_evenly
@@ -173,7 +174,7 @@ def _write(
                 views = _draw(interface, report_folder, leaf)
         except PreviewError as error:
             remarks.append(remark_missing_pictures(error))
-    report = LobedReport(
+    report = ReportContent(
         name=place.name,
         capture=request.scan.name,
         generator=provenance.generator,
